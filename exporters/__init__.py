@@ -1,0 +1,1 @@
+"""Writers of the twin: MJCF and URDF."""

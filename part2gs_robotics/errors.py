@@ -1,0 +1,35 @@
+"""Errors a user can meet; each message says what, where, what was expected and what to do."""
+
+from __future__ import annotations
+
+
+class Part2GSError(Exception):
+    """Base of every error that is the input's fault, not ours: exit code 2."""
+
+
+class SceneError(Part2GSError):
+    """The scene folder cannot be used."""
+
+
+class ConfigError(Part2GSError):
+    """A flag or a key of scene.yaml cannot be used."""
+
+
+class FitError(Part2GSError):
+    """The optimiser cannot go on (NaN, nothing visible, nothing moves)."""
+
+
+class MeshError(Part2GSError):
+    """No watertight mesh can be made of a part."""
+
+
+class ExportError(Part2GSError):
+    """The twin cannot be written."""
+
+
+class CheckError(Part2GSError):
+    """The twin or model given to `check` cannot be read."""
+
+
+class StoreError(Part2GSError):
+    """The output folder cannot be written, is locked, or is corrupt."""

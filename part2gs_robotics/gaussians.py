@@ -1,0 +1,55 @@
+"""Gaussians: the only place where log-scales and logit-opacities live."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+SH_C0 = 0.28209479177387814  # 1 / (2 sqrt(pi)): the constant spherical harmonic
+
+
+@dataclass(frozen=True)
+class Gaussians:
+    """N anisotropic 3-D Gaussians in the world frame, float32.
+
+    Attributes:
+        means: [N, 3] scene units.
+        quats: [N, 4] wxyz, unit.
+        log_scales: [N, 3] natural log of the standard deviations in scene units.
+        logit_opacities: [N].
+        sh0: [N, 3] degree-0 coefficients; colour = 0.5 + SH_C0 * sh0.
+        shN: [N, M, 3] higher degrees, M in {0, 3, 8, 15}; M = 0 when views need no view dependence.
+    """
+
+    means: NDArray[np.float32]
+    quats: NDArray[np.float32]
+    log_scales: NDArray[np.float32]
+    logit_opacities: NDArray[np.float32]
+    sh0: NDArray[np.float32]
+    shN: NDArray[np.float32]
+
+    def __len__(self) -> int:
+        """Number of Gaussians."""
+        return len(self.means)
+
+    @property
+    def scales(self) -> NDArray[np.float32]:
+        """[N, 3] standard deviations in scene units."""
+        return np.exp(self.log_scales)
+
+    @property
+    def opacities(self) -> NDArray[np.float32]:
+        """[N] in (0, 1)."""
+        return (1.0 / (1.0 + np.exp(-self.logit_opacities))).astype(np.float32)
+
+    @property
+    def colors(self) -> NDArray[np.float32]:
+        """[N, 3] view-independent colour, clipped at 0."""
+        return np.maximum(0.5 + SH_C0 * self.sh0, 0.0).astype(np.float32)
+
+    def select(self, index: NDArray[np.bool_] | NDArray[np.int64]) -> Gaussians:
+        """Return the Gaussians picked by a mask or by indices."""
+        return Gaussians(self.means[index], self.quats[index], self.log_scales[index],
+                         self.logit_opacities[index], self.sh0[index], self.shN[index])

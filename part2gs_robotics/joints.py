@@ -1,0 +1,48 @@
+"""Joints: one degree of freedom of one part relative to its parent."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+JointKind = Literal["fixed", "revolute", "prismatic", "screw"]
+
+
+@dataclass(frozen=True)
+class Joint:
+    """A joint in the world frame at state 0 (all parts in their state-0 place, q = 0).
+
+    Attributes:
+        kind: chosen by model selection.
+        axis: [3] unit.
+        origin: [3] a point on the axis (prismatic: any point of the part).
+        value: joint position at state 1 (rad or scene units); 0 at state 0.
+        pitch: scene units per radian, screw only.
+        sigma_axis: standard deviation of the axis direction, rad.
+        sigma_origin: standard deviation of the axis position, scene units.
+        sigma_value: standard deviation of `value`.
+        bic: criterion of every joint kind tried, lower is better.
+        confidence: 0..1, share of the evidence this joint explains.
+    """
+
+    kind: JointKind
+    axis: NDArray[np.float64]
+    origin: NDArray[np.float64]
+    value: float
+    pitch: float = 0.0
+    sigma_axis: float = float("nan")
+    sigma_origin: float = float("nan")
+    sigma_value: float = float("nan")
+    bic: dict[str, float] = field(default_factory=dict)
+    confidence: float = float("nan")
+
+    def transform(self, q: float) -> NDArray[np.float64]:
+        """Return [4, 4] world_at_q_from_world_at_0 of the part for joint position q."""
+        from part2gs_robotics.se3 import screw_motion
+
+        turn = q if self.kind in ("revolute", "screw") else 0.0
+        slide = q if self.kind == "prismatic" else self.pitch * turn
+        return screw_motion(self.axis, self.origin, turn, slide)

@@ -1,0 +1,67 @@
+"""The Scene: what the readers hand to every later room."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+@dataclass(frozen=True)
+class StateViews:
+    """All posed images of one observed state, in one resolution.
+
+    Attributes:
+        images: [V, H, W, 3] uint8, straight (not premultiplied) RGB.
+        alphas: [V, H, W] uint8, 255 = object.
+        Ks: [V, 3, 3] float64, pixels, pixel centres at (i + 0.5, j + 0.5).
+        viewmats: [V, 4, 4] float64, camera_from_world, OpenCV axes.
+        depths: [V, H, W] float32 z-depth in scene units, 0 = invalid; None without depth images.
+        names: image names, for messages.
+        held_out: [V] bool, True = never trained on.
+    """
+
+    images: NDArray[np.uint8]
+    alphas: NDArray[np.uint8]
+    Ks: NDArray[np.float64]
+    viewmats: NDArray[np.float64]
+    depths: NDArray[np.float32] | None
+    names: tuple[str, ...]
+    held_out: NDArray[np.bool_]
+
+    @property
+    def width(self) -> int:
+        """Image width in pixels."""
+        return int(self.images.shape[2])
+
+    @property
+    def height(self) -> int:
+        """Image height in pixels."""
+        return int(self.images.shape[1])
+
+    def __len__(self) -> int:
+        """Number of views."""
+        return len(self.images)
+
+
+@dataclass(frozen=True)
+class Scene:
+    """Two observed states of one object in one world frame (the scene's own, never re-centred).
+
+    Attributes:
+        path: the scene folder.
+        layout: name of the layout that was read.
+        states: views of state 0 and state 1.
+        meters_per_unit: metres per scene unit, None if unknown.
+        up: [3] unit up direction of the world, None if unknown.
+        notes: what the reader changed or assumed, one sentence each (undistorted, downscaled, ...).
+    """
+
+    path: Path
+    layout: str
+    states: tuple[StateViews, StateViews]
+    meters_per_unit: float | None = None
+    up: NDArray[np.float64] | None = None
+    notes: tuple[str, ...] = ()

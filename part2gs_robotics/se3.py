@@ -1,0 +1,83 @@
+"""Rigid motions in float64: exponential, logarithm, screws."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+F64 = NDArray[np.float64]
+SMALL_ANGLE = 1e-6  # below: Taylor series, whose next term is < 1e-13, float64's own error
+
+
+def hat(w: F64) -> F64:
+    """Return the [3, 3] cross-product matrix of w."""
+    x, y, z = w
+    return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+
+
+def rotation_from_rotvec(w: F64) -> F64:
+    """Return the [3, 3] rotation exp(hat(w)), w in radians (Rodrigues)."""
+    angle = float(np.linalg.norm(w))
+    k = hat(np.asarray(w, float))
+    if angle < SMALL_ANGLE:
+        return np.eye(3) + k + 0.5 * k @ k
+    return np.eye(3) + np.sin(angle) / angle * k + (1 - np.cos(angle)) / angle**2 * k @ k
+
+
+def rotvec_from_rotation(rot: F64) -> F64:
+    """Return w with exp(hat(w)) = rot, |w| <= pi; exact near 0 and near pi."""
+    from scipy.spatial.transform import Rotation
+
+    return np.asarray(Rotation.from_matrix(rot).as_rotvec(), float)
+
+
+def make(rot: F64, trans: F64) -> F64:
+    """Return the [4, 4] rigid motion x -> rot x + trans."""
+    out = np.eye(4)
+    out[:3, :3], out[:3, 3] = rot, trans
+    return out
+
+
+def inverse(a_from_b: F64) -> F64:
+    """Return b_from_a of a [4, 4] rigid motion."""
+    rot = a_from_b[:3, :3].T
+    return make(rot, -rot @ a_from_b[:3, 3])
+
+
+def apply(a_from_b: F64, points: F64) -> F64:
+    """Map [..., 3] points from frame b to frame a."""
+    return np.asarray(points @ a_from_b[:3, :3].T + a_from_b[:3, 3])
+
+
+def screw_motion(axis: F64, origin: F64, turn: float, slide: float) -> F64:
+    """Return [4, 4]: turn (rad) about the line (origin, axis), then slide along it."""
+    axis = np.asarray(axis, float)
+    rot = rotation_from_rotvec(axis * turn)
+    origin = np.asarray(origin, float)
+    return make(rot, origin - rot @ origin + slide * axis)
+
+
+def quat_from_rotation(rot: F64) -> F64:
+    """Return the unit quaternion wxyz, w >= 0, of a [3, 3] rotation."""
+    from scipy.spatial.transform import Rotation
+
+    x, y, z, w = Rotation.from_matrix(rot).as_quat()
+    return np.array([w, x, y, z]) * (1.0 if w >= 0 else -1.0)
+
+
+def rotation_from_quats(quats: NDArray[np.floating]) -> NDArray[np.floating]:
+    """Return [N, 3, 3] rotations of [N, 4] quaternions wxyz (normalised here)."""
+    q = quats / np.linalg.norm(quats, axis=-1, keepdims=True)
+    w, x, y, z = np.moveaxis(q, -1, 0)
+    rows = [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y),
+            2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x),
+            2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)]
+    return np.stack(rows, -1).reshape(*q.shape[:-1], 3, 3)
+
+
+def quat_multiply(a: NDArray[np.floating], b: NDArray[np.floating]) -> NDArray[np.floating]:
+    """Return the product a b of quaternions wxyz, [..., 4], broadcasting."""
+    aw, ax, ay, az = np.moveaxis(a, -1, 0)
+    bw, bx, by, bz = np.moveaxis(b, -1, 0)
+    return np.stack([aw * bw - ax * bx - ay * by - az * bz, aw * bx + ax * bw + ay * bz - az * by,
+                     aw * by - ax * bz + ay * bw + az * bx, aw * bz + ax * by - ay * bx + az * bw], -1)
