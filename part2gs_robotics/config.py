@@ -1,0 +1,273 @@
+"""Settings: one frozen dataclass per room; the string under a field is its flag's help.
+
+Flags, keys of scene.yaml and fields share one name. Later wins: preset, scene.yaml, flags.
+"""
+
+from __future__ import annotations
+
+import ast
+import difflib
+import inspect
+import math
+from dataclasses import dataclass, field, fields, is_dataclass, replace
+from typing import Literal, cast, get_args, get_origin, get_type_hints
+
+from part2gs_robotics.errors import ConfigError
+
+Value = bool | int | float | str | tuple[float, float, float] | None
+Preset = Literal["draft", "standard", "high"]
+
+
+@dataclass(frozen=True)
+class ReadConfig:
+    """What the readers may change or assume."""
+
+    max_side: int = 800
+    """longest image side in pixels; larger images are downscaled in memory"""
+    allow_missing: bool = False
+    """go on when images have no camera, or cameras have no image"""
+    invert_masks: bool = False
+    """masks are white on the background instead of on the object"""
+    depth: bool = True
+    """use depth images where the scene has them"""
+    meters_per_unit: float | None = None
+    """metres per scene unit, if known"""
+    up: tuple[float, float, float] | None = None
+    """up direction of the scene's world as three numbers, if known"""
+
+
+@dataclass(frozen=True)
+class FitConfig:
+    """Gaussians of each state."""
+
+    iterations: int = 900
+    """optimiser steps per state"""
+    max_gaussians: int = 30_000
+    """most Gaussians per state"""
+    image_side: int = 400
+    """longest side of the images the optimiser sees, in pixels"""
+    sh_degree: int = 1
+    """highest degree of view-dependent colour that held-out views may raise to"""
+    device: Literal["auto", "cpu", "cuda"] = "auto"
+    """where to render"""
+    seed: int = 0
+    """seed of every random choice; CPU builds repeat bit for bit"""
+
+
+@dataclass(frozen=True)
+class ArticulateConfig:
+    """Parts and joints."""
+
+    parts: int | None = None
+    """number of moving parts; searched when absent"""
+    paper_mode: bool = False
+    """losses exactly as the paper prints them, instead of the corrected ones"""
+    seed: int = 0
+    """seed of every random choice; CPU builds repeat bit for bit"""
+
+
+@dataclass(frozen=True)
+class MeshConfig:
+    """Closed meshes of the parts."""
+
+    resolution: int = 192
+    """grid cells along the longest side of the object"""
+    clearance_voxels: float = 1.0
+    """gap kept between neighbouring parts, in grid cells"""
+
+
+@dataclass(frozen=True)
+class CheckConfig:
+    """Simulator checks."""
+
+    steps: int = 21
+    """joint values per joint at which interpenetration is measured"""
+
+
+@dataclass(frozen=True)
+class OutputConfig:
+    """Where results go and what is said on the way."""
+
+    out: str | None = None
+    """output folder; default: SCENE_twin beside the scene"""
+    preset: Preset = "standard"
+    """draft: quick look, standard: full quality, high: slow and finest"""
+    quiet: bool = False
+    """only warnings and errors"""
+    verbose: bool = False
+    """details of every stage"""
+
+
+@dataclass(frozen=True)
+class Config:
+    """Everything `build` can be told, one member per room."""
+
+    read: ReadConfig = field(default_factory=ReadConfig)
+    fit: FitConfig = field(default_factory=FitConfig)
+    articulate: ArticulateConfig = field(default_factory=ArticulateConfig)
+    mesh: MeshConfig = field(default_factory=MeshConfig)
+    check: CheckConfig = field(default_factory=CheckConfig)
+    output: OutputConfig = field(default_factory=OutputConfig)
+
+
+# standard is what the dataclasses say
+PRESETS: dict[str, dict[str, Value]] = {
+    "draft": {"iterations": 300, "max_gaussians": 15_000, "image_side": 256, "resolution": 128,
+              "sh_degree": 0},
+    "standard": {},
+    "high": {"iterations": 3000, "max_gaussians": 60_000, "image_side": 800, "max_side": 1600,
+             "resolution": 256, "steps": 41},
+}
+
+# smallest and largest value that can mean anything; outside it is a typing mistake
+BOUNDS: dict[str, tuple[float, float]] = {
+    "max_side": (32, 8192), "meters_per_unit": (1e-9, 1e9), "iterations": (1, 1_000_000),
+    "max_gaussians": (100, 10_000_000), "image_side": (32, 8192), "sh_degree": (0, 3),
+    "parts": (1, 64), "resolution": (16, 1024), "clearance_voxels": (0, 16), "steps": (3, 10_001),
+    "seed": (0, 2**31 - 1),
+}
+
+
+@dataclass(frozen=True)
+class Option:
+    """One setting as flags and scene.yaml see it."""
+
+    name: str
+    rooms: tuple[str, ...]
+    kinds: tuple[object, ...]
+    default: Value
+    doc: str
+
+    @property
+    def flag(self) -> str:
+        """Spelling on the command line."""
+        return "--" + self.name.replace("_", "-")
+
+
+def options() -> dict[str, Option]:
+    """Return every setting by name, in the order of the rooms."""
+    found: dict[str, Option] = {}
+    for room in fields(Config):
+        room_type = get_type_hints(Config)[room.name]
+        hints, docs = get_type_hints(room_type), _field_docs(room_type)
+        for item in fields(room_type):
+            rooms = (*(found[item.name].rooms if item.name in found else ()), room.name)
+            hint = hints[item.name]
+            kinds = get_args(hint) if type(None) in get_args(hint) else (hint,)
+            found[item.name] = Option(item.name, rooms, kinds, cast(Value, item.default),
+                                      docs[item.name])
+    return found
+
+
+def _field_docs(room_type: type[object]) -> dict[str, str]:
+    body = cast(ast.ClassDef, ast.parse(inspect.getsource(room_type)).body[0]).body
+    docs: dict[str, str] = {}
+    for node, text in zip(body, body[1:], strict=False):
+        if isinstance(node, ast.AnnAssign) and isinstance(text, ast.Expr):
+            name, value = cast(ast.Name, node.target), cast(ast.Constant, text.value)
+            docs[name.id] = str(value.value)
+    return docs
+
+
+def resolve(flags: dict[str, Value], scene_yaml: dict[object, object] | None = None,
+            where: str = "scene.yaml") -> Config:
+    """Return the configuration: preset, overridden by scene.yaml, overridden by flags.
+
+    Args:
+        flags: settings given on the command line, by field name.
+        scene_yaml: parsed mapping of scene.yaml.
+        where: name of that file for messages.
+
+    Raises:
+        ConfigError: unknown key, wrong type or value out of bounds.
+    """
+    known = options()
+    from_yaml = {_known_name(key, known, where): value for key, value in (scene_yaml or {}).items()}
+    checked = {name: convert(known[name], value, where) for name, value in from_yaml.items()}
+    checked |= {name: convert(known[name], value, known[name].flag)
+                for name, value in flags.items()}
+    preset = str(checked.get("preset", "standard"))
+    return with_values(Config(), PRESETS[preset] | checked)
+
+
+def with_values(config: Config, values: dict[str, Value]) -> Config:
+    """Return `config` with settings replaced by name, in every room that has them."""
+    known = options()
+    for room in fields(Config):
+        mine = {name: value for name, value in values.items() if room.name in known[name].rooms}
+        member = replace(getattr(config, room.name), **mine)
+        config = replace(config, **{room.name: member})
+    return config
+
+
+def _known_name(key: object, known: dict[str, Option], where: str) -> str:
+    name = str(key).replace("-", "_")
+    if name in known:
+        return name
+    near = difflib.get_close_matches(name, known, n=1, cutoff=0.0)
+    raise ConfigError(f"{where}: unknown key {str(key)[:60]!r}. Nearest valid name: {near[0]!r}; "
+                      f"valid names are {', '.join(sorted(known))}. Rename or remove the key.")
+
+
+def convert(option: Option, value: object, where: str) -> Value:
+    """Return `value` as the setting's type, inside its bounds.
+
+    Raises:
+        ConfigError: naming the setting, the value and what was expected.
+    """
+    if value is None and type(None) in option.kinds:
+        return None
+    kind = option.kinds[0]
+    good, expected = _convert(kind, value)
+    low, high = BOUNDS.get(option.name, (-math.inf, math.inf))
+    if isinstance(good, int | float) and not isinstance(good, bool) and not low <= good <= high:
+        good, expected = None, f"{expected} from {low:g} to {high:g}"
+    if good is None:
+        shown = repr(value)[:60]
+        place = f"{where}: {option.name}" if where != option.flag else option.flag
+        raise ConfigError(f"{place} is {shown}. Expected {expected} ({option.doc}). "
+                          "Change the value or leave it out.")
+    return good
+
+
+def _convert(kind: object, value: object) -> tuple[Value, str]:
+    """Return (converted value or None when it does not fit, what was expected)."""
+    if get_origin(kind) is Literal:
+        return (cast(str, value) if value in get_args(kind) else None,
+                "one of " + ", ".join(map(str, get_args(kind))))
+    if kind is bool:
+        return value if isinstance(value, bool) else None, "true or false"
+    if kind is int:
+        whole = isinstance(value, int) and not isinstance(value, bool)
+        return cast(int, value) if whole else None, "a whole number"
+    if kind is float:
+        return _finite(value), "a number"
+    if kind is str:
+        return value if isinstance(value, str) and value else None, "text"
+    parts = [_finite(v) for v in value] if isinstance(value, list | tuple) else []
+    if len(parts) == 3 and None not in parts and any(parts):
+        x, y, z = cast(list[float], parts)
+        return (x, y, z), ""
+    return None, "three numbers, not all zero"
+
+
+def _finite(value: object) -> float | None:
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        return None
+    try:
+        number = float(value)
+    except OverflowError:
+        return None
+    return number if math.isfinite(number) else None
+
+
+def to_dict(config: object) -> dict[str, object]:
+    """Return the configuration as nested plain data for config.yaml and for hashing."""
+    return {item.name: _plain(getattr(config, item.name))
+            for item in fields(config)}  # type: ignore[arg-type]  # any of the dataclasses above
+
+
+def _plain(value: object) -> object:
+    if is_dataclass(value):
+        return to_dict(value)
+    return list(value) if isinstance(value, tuple) else value
