@@ -1,0 +1,174 @@
+"""Canonical field: both states' Gaussians kept, and which of the states leads."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import linear_sum_assignment
+from scipy.spatial import cKDTree
+from scipy.spatial.distance import cdist
+
+from part2gs_robotics.errors import FitError
+from part2gs_robotics.gaussians import Gaussians
+
+F64 = NDArray[np.float64]
+I64 = NDArray[np.int64]
+
+# ArtGS matches at most 5000 samples; the assignment is O(n^3), and 2000 take 1.5 s on one core
+MAX_MATCHES = 5000
+NUM_MATCHES = 2000
+
+
+@dataclass(frozen=True)
+class Field:
+    """The canonical field of two observed states, world frame, scene units.
+
+    Attributes:
+        gaussians: (state 0, state 1) by default; one averaged set in paper mode.
+        reference_state: 0 or 1, the state richer in motion.
+        richness_weight: lambda of eq. 3, the weight of state 0, in [0, 1].
+        richness: (D_{0->1}, D_{1->0}), scene units.
+        matches: [M, 2] indices into state 0 and state 1; only a start for a search.
+    """
+
+    gaussians: tuple[Gaussians, ...]
+    reference_state: int
+    richness_weight: float
+    richness: tuple[float, float]
+    matches: I64
+
+    @property
+    def weights(self) -> tuple[float, float]:
+        """Weight of state 0 and of state 1; they add up to 1."""
+        return self.richness_weight, 1.0 - self.richness_weight
+
+
+def canonical_field(
+    g0: Gaussians, g1: Gaussians, paper_mode: bool = False, num_matches: int = NUM_MATCHES
+) -> Field:
+    """Return the field of both states; average them only in paper mode.
+
+    An averaged centre lies in neither state (at half weight a 90 deg door shrinks to 0.71 of its
+    radius), so by default every Gaussian stays where it was observed and joints do the warping.
+
+    Args:
+        g0: Gaussians of state 0.
+        g1: Gaussians of state 1, same world frame.
+        paper_mode: True = Part2GS eq. 3 as printed, mu^c = lambda mu^0 + (1 - lambda) mu^1.
+        num_matches: bound of the Hungarian subsample, at most MAX_MATCHES.
+
+    Raises:
+        FitError: a state holds no Gaussian, or non-finite centres.
+    """
+    _check(g0, 0)
+    _check(g1, 1)
+    points0, points1 = g0.means.astype(np.float64), g1.means.astype(np.float64)
+    richness = motion_richness(points0, points1), motion_richness(points1, points0)
+    weight = richness_weight(*richness)
+    reference = 0 if weight >= 0.5 else 1
+    matches = match_hungarian(points0, points1, num_matches)
+    both: tuple[Gaussians, ...] = (g0, g1)
+    if paper_mode:
+        both = (_averaged(both, matches, reference, weight),)
+    return Field(both, reference, weight, richness, matches)
+
+
+def motion_richness(points: F64, other: F64, observed: NDArray[np.bool_] | None = None) -> float:
+    """Return D_{t->t'} = mean_i min_j |mu_i^t - mu_j^t'|, scene units.
+
+    Args:
+        points: [N, 3] centres of state t.
+        other: [M, 3] centres of state t'.
+        observed: [N] True where the other state saw the place; without it newly revealed
+            interior counts as motion, as printed.
+
+    Source: Part2GS eq. 3.
+    """
+    used = points if observed is None else points[observed]
+    if len(used) == 0 or len(other) == 0:
+        return 0.0
+    distance, _ = cKDTree(other).query(used)
+    return float(np.mean(distance))
+
+
+def richness_weight(richness_01: float, richness_10: float) -> float:
+    """Return lambda = D_{0->1} / (D_{0->1} + D_{1->0}), the weight of state 0.
+
+    It favours the opened state: its moved surface is far from everything in the closed state,
+    while the closed state's moved surface stays near the frame around it. Nothing moved: 0.5.
+    """
+    total = richness_01 + richness_10
+    return 0.5 if total <= 0.0 else richness_01 / total
+
+
+def match_hungarian(points0: F64, points1: F64, num_matches: int = NUM_MATCHES) -> I64:
+    """Return [M, 2] pairs of least total distance between bounded subsamples.
+
+    Least total distance is no rigid correspondence (pairs cross under turns above ~30 deg):
+    use it to start, then re-match under the joint hypothesis.
+
+    Args:
+        points0: [N0, 3] scene units.
+        points1: [N1, 3] scene units.
+        num_matches: bound; M = min(N0, N1, num_matches, MAX_MATCHES).
+
+    Source: Part2GS eq. 2; the bound as in ArtGS.
+    """
+    count = min(len(points0), len(points1), num_matches, MAX_MATCHES)
+    if count == 0:
+        return np.zeros((0, 2), np.int64)
+    index0, index1 = (farthest_point_sample(p, count) for p in (points0, points1))
+    rows, cols = linear_sum_assignment(cdist(points0[index0], points1[index1]))
+    return np.stack([index0[rows], index1[cols]], 1).astype(np.int64)
+
+
+def farthest_point_sample(points: F64, count: int) -> I64:
+    """Return [min(count, N)] indices, each the farthest from those before.
+
+    Starts at the point farthest from the centroid, so the choice follows rigid motions of the
+    cloud and needs no seed. O(N count).
+    """
+    count = min(count, len(points))
+    if count <= 0:
+        return np.zeros(0, np.int64)
+    centred = np.asarray(points, np.float64) - np.mean(points, axis=0, dtype=np.float64)
+    squared = np.einsum("ij,ij->i", centred, centred)
+    chosen = np.zeros(count, np.int64)
+    chosen[0] = int(np.argmax(squared))
+    nearest = np.full(len(points), np.inf)
+    for step in range(1, count):
+        last = chosen[step - 1]
+        distance = squared + squared[last] - 2.0 * (centred @ centred[last])
+        np.minimum(nearest, distance, out=nearest)
+        nearest[last] = -np.inf  # never twice, even among coincident points
+        chosen[step] = int(np.argmax(nearest))
+    return chosen
+
+
+def _averaged(
+    both: tuple[Gaussians, ...], matches: I64, reference: int, weight: float
+) -> Gaussians:
+    """Move every centre of the reference state towards the partner of its nearest sample."""
+    own, other = matches[:, reference], matches[:, 1 - reference]
+    means = both[reference].means.astype(np.float64)
+    offsets = both[1 - reference].means[other].astype(np.float64) - means[own]
+    _, nearest = cKDTree(means[own]).query(means)
+    share = (1.0 - weight) if reference == 0 else weight
+    moved = (means + share * offsets[nearest]).astype(np.float32)
+    return replace(both[reference], means=moved)
+
+
+def _check(gaussians: Gaussians, state: int) -> None:
+    if len(gaussians) == 0:
+        raise FitError(
+            f"state {state}: the fit holds 0 Gaussians, so no motion can be measured. "
+            "At least 1 was expected; check that the object is inside the masks of this state."
+        )
+    bad = int((~np.isfinite(gaussians.means).all(1)).sum())
+    if bad:
+        raise FitError(
+            f"state {state}: {bad} of {len(gaussians)} Gaussians have NaN or infinite centres. "
+            "Finite centres were expected; fit this state again with a lower learning rate."
+        )
