@@ -1,0 +1,310 @@
+"""Laws of the physical losses: gradients, invariances, and the printed forms' defects."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import torch
+
+from part2gs_robotics.losses import (
+    articulation_loss,
+    best_rotation,
+    contact_loss,
+    geman_mcclure,
+    moved_points,
+    rotation_angle,
+    vector_field_loss,
+    velocity_loss,
+)
+from part2gs_robotics.se3 import rotation_from_rotvec, screw_motion
+
+BOTH = pytest.mark.parametrize("paper", [False, True])
+RNG = np.random.default_rng(0)
+
+
+def tensor(array, grad=False):
+    return torch.tensor(np.asarray(array, float), dtype=torch.float64, requires_grad=grad)
+
+
+def rotation(w):
+    return tensor(rotation_from_rotvec(np.asarray(w, float)))
+
+
+def assert_gradients(loss, *inputs):
+    """Compare every gradient of loss(*inputs) with central differences (truncation ~1e-9)."""
+    assert torch.autograd.gradcheck(loss, inputs, eps=1e-6, atol=1e-8, rtol=1e-6)
+
+
+def assert_finite(loss, *inputs):
+    value = loss(*inputs)
+    value.backward()
+    assert torch.isfinite(value)
+    for x in inputs:
+        assert x.grad is None or bool(torch.isfinite(x.grad).all())
+    return value.item()
+
+
+def door(angle, width=0.6, n=60):
+    """A width x 0.8 panel, sampled at cell centres, turned about its edge."""
+    x, z = np.meshgrid((np.arange(n) + 0.5) / n * width, (np.arange(4) + 0.5) / 4 * 0.8)
+    flat = np.stack([x.ravel(), 0 * x.ravel(), z.ravel()], 1)
+    turn = rotation_from_rotvec(np.array([0.0, 0.0, angle]))
+    return tensor(flat), tensor(flat @ turn.T)
+
+
+def ball(points):
+    return points.norm(dim=-1) - 1.0
+
+
+# --- gradients ---------------------------------------------------------------------------------
+
+
+@BOTH
+@pytest.mark.parametrize("seed", range(5))
+def test_gradients_of_pair_losses(paper, seed):
+    rng = np.random.default_rng(seed)
+    p0, p1 = tensor(rng.normal(size=(7, 3)), True), tensor(rng.normal(size=(7, 3)), True)
+    w = tensor(rng.uniform(0.1, 1, size=(7, 2)), True)
+    assert_gradients(lambda a, b, c: velocity_loss(a, b, c, paper=paper), p0, p1, w)
+    rots, trans = tensor(rng.normal(size=(2, 3, 3)), True), tensor(rng.normal(size=(2, 3)), True)
+    assert_gradients(
+        lambda *x: vector_field_loss(*x, sigma=0.5, paper=paper), p0, p1, rots, trans, w
+    )
+    start, goal = rotation(rng.normal(size=3)), rotation(rng.normal(size=3))
+    assert_gradients(
+        lambda r, t, a, b: articulation_loss(r, t, a, b, goal, 0.3, 0.5, paper),
+        start.requires_grad_(),
+        trans[0].detach().requires_grad_(),
+        p0,
+        p1,
+    )
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_gradients_of_contact_through_the_joint(seed):
+    rng = np.random.default_rng(seed)
+    points = tensor(rng.normal(size=(9, 3)))
+    turns, slides = tensor([0.0, 0.4, 1.0]), tensor([0.0, 0.1, 0.2])
+
+    def swept(axis, origin, margin_points):
+        return contact_loss(moved_points(margin_points, axis, origin, turns, slides), sdf=ball)
+
+    assert_gradients(
+        swept,
+        tensor(rng.normal(size=3), True),
+        tensor(rng.normal(size=3), True),
+        points.requires_grad_(),
+    )
+    static = tensor(rng.normal(size=(6, 3)), True)
+    assert_gradients(lambda p, s: contact_loss(p, s, paper=True), points, static)
+
+
+# --- closed forms ------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("angle_deg", "printed"), [(10, 0.0009), (45, 0.0176), (90, 0.060)])
+def test_printed_velocity_loss_punishes_a_perfect_turn(angle_deg, printed):
+    angle = np.deg2rad(angle_deg)
+    p0, p1 = door(angle, n=200)
+    ones = torch.ones(len(p0), 1, dtype=torch.float64)
+    closed_form = 4 * np.sin(angle / 2) ** 2 * 0.6**2 / 12
+    value = velocity_loss(p0, p1, ones, paper=True).item()
+    assert value == pytest.approx(closed_form, rel=1 / 200**2 * 2)  # midpoint sampling: 1 - 1/n^2
+    assert value == pytest.approx(printed, abs=5e-5 if angle_deg < 90 else 5e-4)
+    assert velocity_loss(p0, p1, ones).item() < 1e-20
+
+
+@pytest.mark.parametrize("w", [[0, 0, 0], [np.pi, 0, 0], [0.3, -2.0, 1.0]])
+def test_corrected_velocity_loss_is_zero_for_every_rigid_motion(w):
+    p0 = tensor(RNG.normal(size=(20, 3)))
+    p1 = p0 @ rotation(w).T + tensor([1.0, 2.0, 3.0])
+    assert velocity_loss(p0, p1, torch.ones(20, 1, dtype=torch.float64)).item() < 1e-20
+
+
+def test_corrected_velocity_loss_measures_the_residual():
+    p0 = tensor(RNG.normal(size=(4000, 3)))
+    p1 = p0 @ rotation([0, 1.0, 0]).T + 0.01 * tensor(RNG.normal(size=(4000, 3)))
+    value = velocity_loss(p0, p1, torch.ones(4000, 1, dtype=torch.float64)).item()
+    assert value == pytest.approx(3 * 0.01**2, rel=0.05)  # 12000 draws: spread 1.3 %
+
+
+def test_velocity_loss_separates_parts():
+    p0 = tensor(RNG.normal(size=(10, 3)))
+    parts = torch.eye(2, dtype=torch.float64).repeat_interleave(5, 0)
+    shift = parts @ tensor([[1.0, 0, 0], [0, -2.0, 0]])
+    assert velocity_loss(p0, p0 + shift, parts, paper=True).item() < 1e-24
+    assert velocity_loss(p0, p0 + shift, parts.sum(1, keepdim=True), paper=True).item() > 1
+
+
+def drawer(depth_into_wall):
+    """Box with an open front, and a drawer box inside it, shifted sideways into the wall."""
+
+    def shell(lo, hi, n=14):
+        t = np.linspace(0, 1, n)
+        a, b = (m.ravel() for m in np.meshgrid(t, t))
+        sides = [
+            np.insert(np.stack([a, b], 1), axis, end, 1)
+            for axis, end in ((0, 0), (0, 1), (2, 0), (2, 1), (1, 1))
+        ]
+        return np.vstack(sides) * (np.array(hi) - np.array(lo)) + np.array(lo)
+
+    carcass = shell([-0.2, 0, -0.1], [0.2, 0.4, 0.1])
+    inner = shell([-0.197, 0, -0.097], [0.197, 0.397, 0.097]) + np.array([depth_into_wall, 0, 0])
+    return tensor(inner), tensor(carcass)
+
+
+def room(points):
+    """Signed distance of the wall x = 0.2, solid for x > 0.2."""
+    return 0.2 - points[..., 0]
+
+
+def test_printed_contact_loss_is_blind_where_the_hinge_sees():
+    gap, walls = drawer(-0.003)
+    deep, _ = drawer(0.05)
+    printed = [contact_loss(p, walls, paper=True).item() for p in (gap, deep)]
+    assert printed[0] > 0.1  # fires without any contact
+    assert printed[1] < printed[0] * 1.5  # and hardly notices 5 cm of overlap
+    assert contact_loss(gap, sdf=room).item() == 0.0
+    hinge = [contact_loss(drawer(d)[0], sdf=room).item() for d in (0.002, 0.01, 0.03, 0.05)]
+    assert 0 == hinge[0] < hinge[1] < hinge[2] < hinge[3]  # 2 mm still inside the 3 mm gap
+
+
+def test_contact_hinge_closed_form_and_margin():
+    points = tensor([[0.8, 0, 0], [0, 3.0, 0]])
+    assert contact_loss(points, sdf=ball).item() == pytest.approx(0.2**2 / 2)
+    assert contact_loss(points, sdf=ball, margin=0.05).item() == pytest.approx(0.15**2 / 2)
+
+
+def test_contact_hinge_averages_over_joint_values():
+    points = tensor([[2.0, 0, 0]])
+    swept = moved_points(
+        points, tensor([1.0, 0, 0]), tensor([0.0, 0, 0]), tensor([0.0, 0.0]), tensor([0.0, -1.5])
+    )
+    assert contact_loss(swept, sdf=ball).item() == pytest.approx(0.5**2 / 2)
+
+
+def test_printed_contact_sign_is_the_angle():
+    static = tensor([[0.0, 0, 0], [10.0, 0, 0]])  # centroid at x = 5
+    opposite = tensor([[2.0, 0, 0]])  # nearest to the left, centroid to the right
+    beside = tensor([[-1.0, 0, 0]])  # both to the right
+    assert contact_loss(opposite, static, paper=True).item() == pytest.approx(1.0)
+    assert contact_loss(beside, static, paper=True).item() == 0.0
+
+
+def test_vector_field_forgives_outliers_only_when_corrected():
+    p0 = tensor(RNG.uniform(size=(50, 3)))
+    w = torch.ones(50, 1, dtype=torch.float64)
+    still = torch.eye(3, dtype=torch.float64)[None], torch.zeros(1, 3, dtype=torch.float64)
+    p1 = p0.clone()
+    p1[0] += 100.0
+    assert vector_field_loss(p0, p1, *still, w, paper=True).item() == pytest.approx(3e4)
+    assert vector_field_loss(p0, p1, *still, w).item() <= 1 / 50
+    order = torch.randperm(50, generator=torch.Generator().manual_seed(0))
+    assert vector_field_loss(p0, p0[order], *still, w).item() == 0.0  # needs no pairs
+
+
+def test_articulation_loss_vanishes_at_the_truth_and_angle_is_geodesic():
+    p0 = tensor(RNG.normal(size=(12, 3)))
+    turn, t = rotation([0.2, 0.5, -1.0]), tensor([0.1, 0.2, 0.3])
+    p1 = p0 @ turn.T + t
+    assert articulation_loss(turn, t, p0, p1).item() < 1e-12
+    assert articulation_loss(turn, t, p0, p1, paper=True).item() < 1e-7
+    eye = rotation([0, 0, 0])
+    for angle in (0.0, 1e-4, 1.0, 3.0, np.pi):
+        assert rotation_angle(eye, rotation([0, angle, 0])).item() == pytest.approx(angle, abs=1e-9)
+    value = articulation_loss(eye, t * 0, p0, p0, rotation([0, 1e-3, 0]), rot_weight=1.0).item()
+    assert value == pytest.approx(1e-6, rel=1e-6)  # angle^2 up to its fourth power
+
+
+def test_best_rotation_is_proper_and_exact():
+    turn = rotation([0.4, 3.0, -0.2])
+    p0 = tensor(RNG.normal(size=(9, 3)))
+    ones = torch.ones(9, dtype=torch.float64)
+    torch.testing.assert_close(best_rotation(p0, p0 @ turn.T + 5, ones), turn)
+    mirrored = best_rotation(p0, p0 * tensor([-1, 1, 1]), ones)
+    assert torch.det(mirrored).item() == pytest.approx(1.0)
+
+
+def test_moved_points_agree_with_screw_motion():
+    axis, origin = np.array([1.0, 2.0, 2.0]) / 3, np.array([0.3, -0.1, 0.5])
+    points = RNG.normal(size=(5, 3))
+    turns, slides = np.array([0.0, 0.7, np.pi, -4.0]), np.array([0.0, 0.2, -1.0, 3.0])
+    moved = moved_points(
+        tensor(points), tensor(3 * axis), tensor(origin), tensor(turns), tensor(slides)
+    )
+    for got, turn, slide in zip(moved, turns, slides, strict=True):
+        motion = screw_motion(axis, origin, turn, slide)
+        np.testing.assert_allclose(got, points @ motion[:3, :3].T + motion[:3, 3], atol=1e-12)
+
+
+def test_geman_mcclure_limits():
+    assert geman_mcclure(tensor([1e-8]), 1.0).item() == pytest.approx(1e-8)
+    assert geman_mcclure(tensor([1.0]), 1.0).item() == 0.5
+    assert geman_mcclure(tensor([1e12]), 1.0).item() == pytest.approx(1.0)
+
+
+# --- degenerate inputs -------------------------------------------------------------------------
+
+
+@BOTH
+@pytest.mark.parametrize("w", [[0, 0, 0], [0, np.pi, 0]])
+@pytest.mark.parametrize("n", [0, 1, 6])
+def test_finite_at_coincident_points_and_half_turns(paper, w, n):
+    for target in ([0, 0, 0], [np.pi, 0, 0], w):
+        r = rotation(w).requires_grad_()
+        t = tensor(np.zeros(3), True)
+        points = tensor(np.ones((n, 3)), True)
+        assert_finite(
+            lambda *x, g=target: articulation_loss(*x, rotation(g), paper=paper),
+            r,
+            t,
+            points,
+            tensor(np.ones((n, 3)), True),
+        )
+        assert_finite(
+            lambda *x: articulation_loss(*x, paper=paper),
+            r,
+            t,
+            points,
+            tensor(np.ones((n, 3)), True),
+        )
+
+
+@BOTH
+@pytest.mark.parametrize("parts", [1, 3])
+def test_finite_and_zero_for_empty_parts(paper, parts):
+    p0, p1 = tensor(np.ones((5, 3)), True), tensor(np.ones((5, 3)), True)
+    w = tensor(np.zeros((5, parts)), True)
+    rots = tensor(np.tile(np.eye(3), (parts, 1, 1)), True)
+    trans = tensor(np.ones((parts, 3)), True)
+    assert assert_finite(lambda *x: velocity_loss(*x, paper=paper), p0, p1, w) == 0.0
+    assert (
+        assert_finite(lambda *x: vector_field_loss(*x, paper=paper), p0, p1, rots, trans, w) == 0.0
+    )
+    nothing = tensor(np.zeros((0, 3)), True)
+    assert assert_finite(lambda p: contact_loss(p, p0, sdf=ball, paper=paper), nothing) == 0.0
+    assert assert_finite(lambda p: contact_loss(p, p, sdf=ball, paper=paper), p0) >= 0.0
+
+
+def test_all_losses_follow_rigid_motion_of_the_world():
+    rng = np.random.default_rng(5)
+    p0, p1, static = (tensor(rng.normal(size=(8, 3))) for _ in range(3))
+    w = torch.ones(8, 1, dtype=torch.float64)
+    turn, shift = rotation([0.5, -1, 2]), tensor([3.0, 1.0, -2.0])
+
+    def world(p):
+        return p @ turn.T + shift
+
+    for paper in (False, True):
+        assert velocity_loss(world(p0), world(p1), w, paper).item() == pytest.approx(
+            velocity_loss(p0, p1, w, paper).item()
+        )
+        r, t = rotation([0.1, 0.2, 0.3]), tensor([0.1, 0, 0])
+        r_w = turn @ r @ turn.T
+        t_w = turn @ t + shift - r_w @ shift
+        assert vector_field_loss(
+            world(p0), world(p1), r_w[None], t_w[None], w, 0.5, paper
+        ).item() == pytest.approx(vector_field_loss(p0, p1, r[None], t[None], w, 0.5, paper).item())
+    assert contact_loss(world(p0), world(static), paper=True).item() == pytest.approx(
+        contact_loss(p0, static, paper=True).item()
+    )
