@@ -1,0 +1,132 @@
+"""Joint dynamics nobody photographed: damping, friction and a servo that tracks.
+
+Every number is assumed; it scales with the mass, the range and the gravity load, so that any
+object in any unit gets a servo of the same character.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from part2gs_robotics.exporters.inertia import (
+    F64,
+    MassProperties,
+    density_per_unit,
+    gravity_vector,
+    mass_properties,
+    moment_about_axis,
+)
+
+from part2gs_robotics.joints import Joint
+from part2gs_robotics.kinematics import moving_parts, subtree
+from part2gs_robotics.twin import Twin
+
+TRAVEL_TIME = 0.5  # s for the full range at top speed: a brisk human hand
+SERVO_FREQUENCY = 30.0  # rad/s, slowest servo: settles in 0.2 s
+SAG = 0.004  # of the range: allowed droop of the servo under gravity (the check allows 1 %)
+ARMATURE = 0.02  # of the joint's inertia: conditioning without a visible change
+FRICTION = 0.02  # of the accelerating force
+FORCE_MARGIN = 3.0  # servo force above gravity plus acceleration
+MAX_STEP = 0.002  # s, MuJoCo's default
+GAIN_STEP = 4.0  # frequency x step at gain x 100; critical damping, implicit: stable below 4.83
+
+
+@dataclass(frozen=True)
+class JointDynamics:
+    """Assumed numbers of one joint, in kg, scene units, rad, s.
+
+    Attributes:
+        inertia: about the joint, everything carried included.  gravity: largest load in the range.
+        damping, friction, armature: passive.  kp, kv, force: servo.  velocity: top speed.
+    """
+
+    inertia: float
+    gravity: float
+    damping: float
+    friction: float
+    armature: float
+    kp: float
+    kv: float
+    force: float
+    velocity: float
+
+    @property
+    def frequency(self) -> float:
+        """Servo frequency in rad/s."""
+        return float(np.sqrt(self.kp / (self.inertia + self.armature)))
+
+
+@dataclass(frozen=True)
+class Physics:
+    """All masses and joint dynamics of a twin, and the time step they need.
+
+    Attributes:
+        masses: per part.  joints: by part index.  step: s.  gravity: [3] units/s2.
+    """
+
+    masses: tuple[MassProperties, ...]
+    joints: dict[int, JointDynamics]
+    step: float
+    gravity: F64
+
+
+def physics_of(twin: Twin) -> Physics:
+    """Return the physical numbers all exporters write.
+
+    Raises:
+        ExportError: if a part has no physical mass.
+    """
+    density = density_per_unit(twin)
+    masses = tuple(mass_properties(part.mesh, density) for part in twin.parts)
+    joints = {i: _joint_dynamics(twin, i, masses) for i in moving_parts(twin)}
+    fastest = max((10 * d.frequency for d in joints.values()), default=1.0)  # gain x 100
+    step = min(MAX_STEP, float(f"{GAIN_STEP / fastest:.2g}"))
+    return Physics(masses, joints, step, gravity_vector(twin))
+
+
+def _joint_dynamics(twin: Twin, index: int, masses: tuple[MassProperties, ...]) -> JointDynamics:
+    part = twin.parts[index]
+    assert part.joint is not None  # moving parts have one
+    span = max(
+        part.limits[1] - part.limits[0], 1e-3
+    )  # 1e-3: a joint observed without motion still gets a servo
+    carried = [masses[i] for i in subtree(twin, index)]
+    inertia = sum(_felt(part.joint, m) for m in carried)
+    load = max(
+        abs(_gravity_load(part.joint, carried, gravity_vector(twin), q))
+        for q in np.linspace(*part.limits, 9)
+    )
+    armature = ARMATURE * inertia
+    accelerate = (inertia + armature) * 4 * span / TRAVEL_TIME**2  # bang-bang over the range
+    kp = max((inertia + armature) * SERVO_FREQUENCY**2, load / (SAG * span))
+    velocity = 2 * span / TRAVEL_TIME
+    return JointDynamics(
+        inertia=inertia,
+        gravity=load,
+        damping=accelerate / velocity,
+        friction=FRICTION * accelerate,
+        armature=armature,
+        kp=kp,
+        kv=2 * float(np.sqrt(kp * (inertia + armature))),
+        force=FORCE_MARGIN * (accelerate + load),
+        velocity=velocity,
+    )
+
+
+def _felt(joint: Joint, props: MassProperties) -> float:
+    if joint.kind == "prismatic":
+        return props.mass
+    return moment_about_axis(props, joint.axis, joint.origin) + props.mass * joint.pitch**2
+
+
+def _gravity_load(joint: Joint, carried: list[MassProperties], gravity: F64, q: float) -> float:
+    moved = joint.transform(q)
+    load = 0.0
+    for props in carried:
+        arm = moved[:3, :3] @ props.center + moved[:3, 3] - joint.origin
+        weight = props.mass * gravity
+        slide = 1.0 if joint.kind == "prismatic" else joint.pitch
+        turn = 0.0 if joint.kind == "prismatic" else 1.0
+        load += float(slide * (joint.axis @ weight) + turn * (joint.axis @ np.cross(arm, weight)))
+    return load

@@ -1,0 +1,285 @@
+"""Write twin.xml and scene.xml: MJCF in words MuJoCo 3.13 to 4 understand alike."""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ET
+from pathlib import Path
+
+import numpy as np
+from part2gs_robotics.exporters.dynamics import JointDynamics, Physics, physics_of
+from part2gs_robotics.exporters.inertia import F64, MassProperties
+from part2gs_robotics.exporters.meshfile import mean_rgba, piece_name, visual_name, write_meshes
+from part2gs_robotics.exporters.xmlio import add, write_xml
+
+from part2gs_robotics.joints import Joint
+from part2gs_robotics.kinematics import children, moves, moving_parts, part_transforms
+from part2gs_robotics.solids import bounds
+from part2gs_robotics.twin import Part, Twin
+
+GROUND_GAP = 0.01  # of the size: the ground stays this far below everything that moves
+
+
+def write_mjcf(twin: Twin, folder: Path) -> list[Path]:
+    """Write twin.xml, scene.xml and the mesh files; return all files.
+
+    Body frames are the world frame at state 0, so every number in the file is the scene's own.
+
+    Raises:
+        ExportError: if a number, name or mass cannot be written.
+    """
+    physics = physics_of(twin)
+    files = write_meshes(twin, folder)
+    return [
+        write_xml(twin_xml(twin, physics), folder / "twin.xml"),
+        write_xml(scene_xml(twin, physics), folder / "scene.xml"),
+        *files,
+    ]
+
+
+def joint_name(part: Part) -> str:
+    """Return the name of a part's joint in every file."""
+    return f"{part.name}_joint"
+
+
+def twin_xml(twin: Twin, physics: Physics) -> ET.Element:
+    """Return the <mujoco> element of the object alone."""
+    root = ET.Element("mujoco", model=twin.name)
+    add(root, "compiler", angle="radian", autolimits="true", inertiafromgeom="false")
+    _options(root, physics)
+    _defaults(root)
+    asset = add(root, "asset")
+    for part in twin.parts:
+        add(asset, "material", name=f"{part.name}_color", rgba=mean_rgba(part.mesh))
+        add(asset, "mesh", class_="visual", name=f"{part.name}_visual", file=visual_name(part))
+        for i in range(len(part.pieces)):
+            add(
+                asset,
+                "mesh",
+                class_="collision",
+                name=f"{part.name}_piece_{i:02d}",
+                file=piece_name(part, i),
+            )
+    _body(add(root, "worldbody"), twin, physics, 0)
+    _actuators(root, twin, physics)
+    _screws(root, twin)
+    _keyframes(root, twin)
+    return root
+
+
+def _options(root: ET.Element, physics: Physics) -> None:
+    # implicitfast, elliptic, impratio: the manual's tuning table
+    # dense: the sparse Newton solver of 4.0.0 has a wrong Hessian
+    add(
+        root,
+        "option",
+        timestep=physics.step,
+        gravity=physics.gravity,
+        integrator="implicitfast",
+        cone="elliptic",
+        impratio=10,
+        jacobian="dense",
+    )
+
+
+def _defaults(root: ET.Element) -> None:
+    default = add(root, "default")
+    add(default, "joint", solreflimit=(0.008, 1), solimplimit=(0.95, 0.99, 0.001))
+    visual = add(default, "default", class_="visual")
+    add(visual, "mesh", inertia="exact")
+    add(visual, "geom", type="mesh", group="2", contype="0", conaffinity="0", mass=0)
+    collision = add(default, "default", class_="collision")
+    add(collision, "mesh", inertia="convex")
+    # positive solref only: a negative one bypasses the engine's stability clamp
+    add(
+        collision,
+        "geom",
+        type="mesh",
+        group="3",
+        mass=0,
+        solref=(0.008, 1),
+        rgba=(0.2, 0.6, 0.9, 0.4),
+    )
+
+
+def _body(parent: ET.Element, twin: Twin, physics: Physics, index: int) -> None:
+    part = twin.parts[index]
+    body = add(parent, "body", name=part.name)
+    _inertial(body, physics.masses[index])
+    if part.joint is not None and moves(part):
+        _joints(body, part, part.joint, physics.joints[index])
+    add(
+        body,
+        "geom",
+        class_="visual",
+        name=f"{part.name}_visual",
+        mesh=f"{part.name}_visual",
+        material=f"{part.name}_color",
+    )
+    for i in range(len(part.pieces)):
+        name = f"{part.name}_piece_{i:02d}"
+        add(body, "geom", class_="collision", name=name, mesh=name)
+    if index == 0:
+        _sites(body, twin)
+    for child in children(twin, index):
+        _body(body, twin, physics, child)
+
+
+def _inertial(body: ET.Element, props: MassProperties) -> None:
+    i = props.inertia
+    add(
+        body,
+        "inertial",
+        pos=props.center,
+        mass=props.mass,
+        fullinertia=(i[0, 0], i[1, 1], i[2, 2], i[0, 1], i[0, 2], i[1, 2]),
+    )
+
+
+def _joints(body: ET.Element, part: Part, joint: Joint, dyn: JointDynamics) -> None:
+    kind = "slide" if joint.kind == "prismatic" else "hinge"
+    add(
+        body,
+        "joint",
+        name=joint_name(part),
+        type=kind,
+        pos=joint.origin,
+        axis=joint.axis,
+        range=part.limits,
+        damping=dyn.damping,
+        frictionloss=dyn.friction,
+        armature=dyn.armature,
+    )
+    if joint.kind == "screw":
+        add(
+            body,
+            "joint",
+            name=f"{joint_name(part)}_slide",
+            type="slide",
+            pos=joint.origin,
+            axis=joint.axis,
+            armature=0,
+            damping=0,
+        )
+
+
+def _sites(body: ET.Element, twin: Twin) -> None:
+    """Emit the three sites robosuite reads object sizes from."""
+    low, high = bounds(tuple(p.mesh for p in twin.parts))
+    middle = (low + high) / 2
+    up = -np.asarray([0, 0, -1.0]) if twin.up is None else np.asarray(twin.up, float)
+    half = float(np.abs(up) @ (high - low)) / 2
+    radius = (
+        float(np.linalg.norm((high - low) - np.abs(up) * np.abs((high - low) @ np.abs(up)))) / 2
+    )
+    side = np.eye(3)[int(np.argmin(np.abs(up)))]
+    size = (0.005 * float(np.linalg.norm(high - low)),)
+    for name, pos in (
+        ("bottom_site", middle - half * up),
+        ("top_site", middle + half * up),
+        ("horizontal_radius_site", middle + radius * side),
+    ):
+        add(body, "site", name=name, pos=pos, size=size, rgba=(0, 0, 0, 0))
+
+
+def _actuators(root: ET.Element, twin: Twin, physics: Physics) -> None:
+    if not physics.joints:
+        return
+    actuator = add(root, "actuator")
+    for index, dyn in physics.joints.items():
+        part = twin.parts[index]
+        add(
+            actuator,
+            "position",
+            name=f"{part.name}_servo",
+            joint=joint_name(part),
+            kp=dyn.kp,
+            kv=dyn.kv,
+            ctrlrange=part.limits,
+            forcerange=(-dyn.force, dyn.force),
+        )
+
+
+def _screws(root: ET.Element, twin: Twin) -> None:
+    screws = [p for p in twin.parts if p.joint is not None and p.joint.kind == "screw"]
+    if not screws:
+        return
+    equality = add(root, "equality")
+    for part in screws:
+        assert part.joint is not None  # filtered above
+        add(
+            equality,
+            "joint",
+            name=f"{part.name}_pitch",
+            joint1=f"{joint_name(part)}_slide",
+            joint2=joint_name(part),
+            polycoef=(0, part.joint.pitch, 0, 0, 0),
+            solref=(0.004, 1),
+            solimp=(0.99, 0.999, 0.0001),
+        )
+
+
+def _keyframes(root: ET.Element, twin: Twin) -> None:
+    moving = [twin.parts[i] for i in moving_parts(twin)]
+    if not moving:
+        return
+    keyframe = add(root, "keyframe")
+    for state in (0, 1):
+        qpos, ctrl = [], []
+        for part in moving:
+            assert part.joint is not None  # moving parts have one
+            value = part.joint.value * state
+            ctrl.append(value)
+            qpos += [value, value * part.joint.pitch] if part.joint.kind == "screw" else [value]
+        add(keyframe, "key", name=f"state_{state}", qpos=qpos, ctrl=ctrl)
+
+
+def scene_xml(twin: Twin, physics: Physics) -> ET.Element:
+    """Return the <mujoco> element that includes twin.xml and adds ground and light."""
+    root = ET.Element("mujoco", model=f"{twin.name}_scene")
+    add(root, "include", file="twin.xml")
+    _options(root, physics)  # repeated: a file that attaches this one keeps only its own options
+    low, high = bounds(tuple(p.mesh for p in twin.parts))
+    size, middle = float(np.linalg.norm(high - low)), (low + high) / 2
+    up = -physics.gravity / np.linalg.norm(physics.gravity)
+    add(root, "statistic", center=middle, extent=size)
+    asset = add(root, "asset")
+    add(
+        asset,
+        "texture",
+        name="ground",
+        type="2d",
+        builtin="checker",
+        rgb1=(0.75, 0.75, 0.75),
+        rgb2=(0.65, 0.65, 0.65),
+        width="300",
+        height="300",
+    )
+    add(asset, "material", name="ground", texture="ground", texrepeat=(8, 8))
+    world = add(root, "worldbody")
+    floor = middle + up * (_lowest(twin, up) - GROUND_GAP * size - float(up @ middle))
+    add(
+        world,
+        "geom",
+        name="ground",
+        type="plane",
+        pos=floor,
+        zaxis=up,
+        size=(3 * size, 3 * size, 0.1 * size),
+        material="ground",
+    )
+    add(world, "light", name="sun", pos=middle + 3 * size * up, dir=-up, directional="true")
+    return root
+
+
+def _lowest(twin: Twin, up: F64) -> float:
+    """Return the lowest height any part reaches along its range, other joints at 0."""
+    moving, lowest = moving_parts(twin), np.inf
+    for slot, index in enumerate(moving):
+        for q in np.linspace(*twin.parts[index].limits, 9):
+            positions = [float(q) if i == slot else 0.0 for i in range(len(moving))]
+            for part, place in zip(twin.parts, part_transforms(twin, positions), strict=True):
+                lowest = min(
+                    lowest,
+                    float((part.mesh.vertices @ (place[:3, :3].T @ up)).min() + up @ place[:3, 3]),
+                )
+    return min(lowest, *(float((p.mesh.vertices @ up).min()) for p in twin.parts))
