@@ -88,7 +88,7 @@ def _require_physical(inertia: F64, mass: float) -> None:
     if mass < MIN_MASS or moments[0] <= 0 or triangle_gap(inertia) < -rounding:
         raise ExportError(
             f"a part has mass {mass:.3g} kg and principal inertia {moments}. "
-            "Needed positive numbers with A + B >= C; check meters_per_unit and the mesh of the part."
+            "Needed positive numbers with A + B >= C; check meters_per_unit and the mesh."
         )
 
 

@@ -74,7 +74,7 @@ def require_closed(mesh: PartMesh, name: str) -> Manifold:
     if reason := defect(mesh):
         raise MeshError(
             f"{name}: the mesh ({len(mesh.vertices)} vertices, {len(mesh.faces)} faces) "
-            f"is not closed: {reason}. Needed a watertight solid; rebuild the part or repair the mesh."
+            f"is not closed: {reason}. Needed a watertight solid; rebuild or repair it."
         )
     return to_manifold(mesh)
 
