@@ -144,6 +144,11 @@ def resize_area(rgb: U8, alpha: U8, size: tuple[int, int]) -> tuple[U8, U8]:
     return _round_u8(out), _round_u8(small)
 
 
+def resize_nearest(depth: NDArray[np.float32], size: tuple[int, int]) -> NDArray[np.float32]:
+    """Resize depth to (width, height) without mixing depths across edges."""
+    return np.asarray(cv2.resize(depth, size, interpolation=cv2.INTER_NEAREST), np.float32)
+
+
 class Undistorter:
     """Maps of one lens: OPENCV distortion to a pinhole camera without invalid pixels."""
 
