@@ -82,7 +82,8 @@ def _ticks(low: float, high: float) -> list[float]:
     step = 10.0 ** np.floor(np.log10(span / 4))
     step *= next(m for m in (1, 2, 5, 10) if span / (m * step) <= 5)
     first = np.floor(low / step) * step
-    return [float(first + i * step) for i in range(int(np.ceil((high - first) / step - 1e-9)) + 1)]
+    count = max(1, int(np.ceil((high - first) / step - 1e-9)))  # a flat curve still needs a height
+    return [float(first + i * step) for i in range(count + 1)]
 
 
 def _grid(xs: list[float], ys: list[float], place: Place) -> str:
