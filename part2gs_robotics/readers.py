@@ -41,8 +41,8 @@ def read_scene(path: Path, config: ReadConfig) -> Scene:
     states = (_load_state(posed[0], config), _load_state(posed[1], config))
     notes = _notes(posed, states, config)
     for index, state in enumerate(states):
-        validate.check_state(state, f"{path}: state {index}")
-    notes += validate.check_states(states[0], states[1], str(path))
+        validate.check_masks(state, f"{path}: state {index}")
+    validate.check_frames(states, str(path))
     up = None if config.up is None else np.array(config.up) / np.linalg.norm(config.up)
     return Scene(path, layout, states, config.meters_per_unit, up, notes)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import cv2
 import numpy as np
@@ -16,11 +17,12 @@ MIN_VIEWS = 20  # fewer silhouettes leave a hull too coarse to start from (docs/
 MASK_ON = 128  # alpha above half counts as object, as in the hull
 MAX_BAD_MASKS = 0.25  # a few lost masks are outvoted by the others, a quarter is a broken export
 FULL_MASK = 0.98  # an object that fills the image has no outline
-GRID = 40  # cells per axis: 64,000 points decide alignment to 2.5 % of the object in half a second
+GRID = 40  # cells per axis: 64,000 points decide alignment to 2.5 % of the object
+BOX_GRID = 24  # cells per axis while the box is looked for
 MASK_SIDE = 160  # masks are shrunk to this: one of its pixels is below one cell of the grid
-UNEXPLAINED = 0.35  # share of a mask its own hull may miss; right cameras stay below 0.1
-MIN_HULL_IOU = 0.10  # measured 0.42 to 0.83 for true pairs of states; unrelated frames are near 0
-MIN_SAME_SURFACE = 0.15  # a base of a sixth of the surface; measured 0.3 to 0.8 on true pairs
+UNEXPLAINED = 0.35  # share of a mask its own hull may miss; 0.00 measured with right cameras
+MIN_HULL_IOU = 0.15  # true pairs measured: 0.42 to 0.79; shifted by 0.3 of the box: 0.13 to 0.21
+MIN_SAME_SURFACE = 0.20  # true pairs measured: 0.49 to 0.73; shifted by 0.3 of the box: 0.07 to 0.15
 
 F64 = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -59,8 +61,8 @@ def check_all_posed(posed: Sequence[PosedImage], where: str) -> None:
                          "these images out with --allow-missing.")
 
 
-def check_state(state: StateViews, where: str) -> None:
-    """Refuse masks that are empty or full, or that contradict the cameras."""
+def check_masks(state: StateViews, where: str) -> None:
+    """Refuse a state most of whose masks could not be right."""
     on = (state.alphas >= MASK_ON).mean((1, 2))
     for bad, word, hint in ((on == 0, "empty", "check alpha or masks/; --invert-masks turns them"),
                             (on > FULL_MASK, "full", "cut the object out of its background")):
@@ -68,34 +70,36 @@ def check_state(state: StateViews, where: str) -> None:
             names = ", ".join(state.names[i] for i in np.flatnonzero(bad)[:3])
             raise SceneError(f"{where}: {int(bad.sum())} of {len(state)} masks are {word} ({names}, "
                              f"...). Expected white on the object, black around it; {hint}.")
-    box = object_box(state)
-    points, cell = _grid_points(*box)
-    missed = np.median(_unexplained(state, points[_touching(state, points, cell)], cell))
-    if missed > UNEXPLAINED:
-        raise SceneError(f"{where}: cameras and masks contradict each other; {missed:.0%} of a "
-                         "typical mask is seen as empty by the other views. Expected camera-to-"
-                         "world matrices with OpenGL axes (+x right, +y up, +z back) and a still "
-                         "object; check the axes of the export.")
 
 
-def check_states(first: StateViews, second: StateViews, where: str) -> tuple[str, ...]:
-    """Refuse two states that do not share one world frame; returns notes.
+def check_frames(states: tuple[StateViews, StateViews], where: str) -> None:
+    """Refuse cameras that contradict the masks, or two states in different world frames.
 
     Both hulls are carved on one grid. The static base is in both of them, so they overlap and
     a share of their surfaces coincides.
     """
-    boxes = [object_box(state) for state in (first, second)]
+    outlines = [silhouettes(state) for state in states]
+    boxes = [object_box(outline, f"{where}: state {index}")
+             for index, outline in enumerate(outlines)]
     low, high = np.minimum(boxes[0][0], boxes[1][0]), np.maximum(boxes[0][1], boxes[1][1])
-    points, cell = _grid_points(low, high)
-    a, b = (_touching(state, points, cell).reshape(GRID, GRID, GRID) for state in (first, second))
-    iou, same = hull_agreement(a, b)
+    points, cell = _grid_points(low, high, GRID)
+    hulls = []
+    for index, outline in enumerate(outlines):
+        hulls.append(_touching(outline, points, cell).reshape(GRID, GRID, GRID))
+        missed = float(np.median(_unexplained(outline, points[hulls[-1].ravel()], cell)))
+        if missed > UNEXPLAINED:
+            raise SceneError(
+                f"{where}: state {index}: cameras and masks contradict each other; {missed:.0%} of "
+                "a typical mask is seen as empty by the other views. Expected camera-to-world "
+                "matrices with OpenGL axes (+x right, +y up, +z back) and a still object; check "
+                "the axes of the export.")
+    iou, same = hull_agreement(hulls[0], hulls[1])
     if iou < MIN_HULL_IOU or same < MIN_SAME_SURFACE:
         raise SceneError(
             f"{where}: the two states are not in one frame (their silhouette hulls overlap by "
             f"{iou:.0%}, {same:.0%} of the surface coincides). Expected a static base at one place "
             f"in both states, overlap above {MIN_HULL_IOU:.0%} and {MIN_SAME_SURFACE:.0%}; register "
             "all photos of both states in one COLMAP run.")
-    return ()
 
 
 def hull_agreement(a: Bools, b: Bools) -> tuple[float, float]:
@@ -108,111 +112,129 @@ def hull_agreement(a: Bools, b: Bools) -> tuple[float, float]:
     return float(iou), float(min(shares))
 
 
-def object_box(state: StateViews) -> tuple[F64, F64]:
+@dataclass(frozen=True)
+class Silhouettes:
+    """Shrunk outlines of the views that show the object.
+
+    Attributes:
+        away: per view, [h, w] distance in shrunk pixels to the mask, 0 on it.
+        cameras: [V, 3, 4] float32 projections into the shrunk images.
+        focal: [V] shrunk pixels.
+        eyes, rays: [V, 3] camera centres and unit rays through the middle of the masks.
+        spans: [V] half the diagonal of the mask, as a tangent.
+    """
+
+    away: tuple[NDArray[np.float32], ...]
+    cameras: NDArray[np.float32]
+    focal: F64
+    eyes: F64
+    rays: F64
+    spans: F64
+
+
+def silhouettes(state: StateViews) -> Silhouettes:
+    """Return the outlines of all views whose mask is not empty."""
+    scale = min(1.0, MASK_SIDE / max(state.width, state.height))
+    size = (max(1, round(state.width * scale)), max(1, round(state.height * scale)))
+    zoom = np.diag([size[0] / state.width, size[1] / state.height, 1.0])
+    away, middles, corners, used = [], [], [], []
+    for view, alpha in enumerate(state.alphas):
+        small = cv2.resize(alpha, size, interpolation=cv2.INTER_AREA) >= MASK_ON
+        if not small.any():
+            continue
+        away.append(np.asarray(cv2.distanceTransform((~small).astype(np.uint8), cv2.DIST_L2, 3),
+                               np.float32))
+        rows, columns = np.nonzero(small)
+        middles.append([(columns.min() + columns.max() + 1) / 2,
+                        (rows.min() + rows.max() + 1) / 2, 1.0])
+        corners.append(np.hypot(np.ptp(rows) + 1, np.ptp(columns) + 1) / 2)
+        used.append(view)
+    Ks, viewmats = zoom @ state.Ks[used], state.viewmats[used]
+    rotations = viewmats[:, :3, :3].swapaxes(1, 2)  # world_from_camera
+    rays = (rotations @ np.linalg.solve(Ks, np.array(middles)[..., None]))[..., 0]
+    eyes = -(rotations @ viewmats[:, :3, 3:])[..., 0]
+    return Silhouettes(tuple(away), np.asarray(Ks @ viewmats[:, :3], np.float32), Ks[:, 0, 0], eyes,
+                       rays / np.linalg.norm(rays, axis=1, keepdims=True), corners / Ks[:, 0, 0])
+
+
+def object_box(outline: Silhouettes, where: str) -> tuple[F64, F64]:
     """Return corners of a box around the object, from silhouettes alone.
 
-    The centre is the point nearest to the central rays of all masks; the first cube is wider than
+    The centre is the point nearest to the middle rays of all masks; the first cube is wider than
     the widest silhouette and shrinks to the carved cells.
 
     Raises:
         SceneError: the silhouettes meet nowhere.
     """
-    low, high = _first_cube(state)
+    low, high = _first_cube(outline)
     for _ in range(2):  # the second round sharpens a first cube several times too large
-        points, cell = _grid_points(low, high)
-        kept = points[_touching(state, points, cell)]
+        points, cell = _grid_points(low, high, BOX_GRID)
+        kept = points[_touching(outline, points, cell)]
         if not len(kept):
             raise SceneError(
-                f"{state.names[0]} and {len(state) - 1} further views: silhouettes and cameras "
-                "contradict each other, no point of space is inside all masks. Expected camera-to-"
-                "world matrices with OpenGL axes and masks of one still object; check both.")
+                f"{where}: silhouettes and cameras contradict each other, no point of space is "
+                f"inside the masks of {len(outline.away)} views. Expected camera-to-world matrices "
+                "with OpenGL axes and masks of one still object; check both.")
         low, high = kept.min(0) - cell, kept.max(0) + cell
     return low, high
 
 
-def _first_cube(state: StateViews) -> tuple[F64, F64]:
-    system, right, rays = np.zeros((3, 3)), np.zeros(3), []
-    for alpha, K, viewmat in zip(state.alphas, state.Ks, state.viewmats, strict=True):
-        rows, columns = np.nonzero(alpha >= MASK_ON)
-        if not len(rows):
-            continue
-        middle = np.array([(columns.min() + columns.max() + 1) / 2,
-                           (rows.min() + rows.max() + 1) / 2, 1.0])
-        ray = viewmat[:3, :3].T @ np.linalg.solve(K, middle)
-        ray /= np.linalg.norm(ray)
-        eye = -viewmat[:3, :3].T @ viewmat[:3, 3]
-        across = np.eye(3) - np.outer(ray, ray)
-        system, right = system + across, right + across @ eye
-        span = np.hypot(np.ptp(rows) + 1, np.ptp(columns) + 1) / (2 * K[0, 0])
-        rays.append((eye, ray, span))
-    # a millionth of a ray's weight: only parallel rays notice it, and they are refused later
-    centre = np.linalg.solve(system + 1e-6 * np.eye(3), right)
-    half = 1.5 * max(abs(float((centre - eye) @ ray)) * span for eye, ray, span in rays)
+def _first_cube(outline: Silhouettes) -> tuple[F64, F64]:
+    across = np.eye(3) - outline.rays[:, :, None] * outline.rays[:, None, :]
+    # a millionth of a ray's weight: only parallel rays notice it
+    system = across.sum(0) + 1e-6 * np.eye(3)
+    centre = np.linalg.solve(system, (across @ outline.eyes[..., None]).sum(0)[:, 0])
+    reach = np.abs(((centre - outline.eyes) * outline.rays).sum(1))
+    half = 1.5 * float((reach * outline.spans).max())
     return centre - half, centre + half
 
 
-def _grid_points(low: F64, high: F64) -> tuple[F64, float]:
-    """Return [GRID**3, 3] cell centres of the box and the longest cell edge."""
-    axes = [lo + (np.arange(GRID) + 0.5) * (hi - lo) / GRID
+def _grid_points(low: F64, high: F64, side: int) -> tuple[NDArray[np.float32], float]:
+    """Return [side**3, 3] cell centres of the box and the longest cell edge."""
+    axes = [lo + (np.arange(side) + 0.5) * (hi - lo) / side
             for lo, hi in zip(low, high, strict=True)]
     points = np.stack(np.meshgrid(*axes, indexing="ij"), -1).reshape(-1, 3)
-    return points, float((high - low).max() / GRID)
+    return points.astype(np.float32), float((high - low).max() / side)
 
 
-def _touching(state: StateViews, points: F64, cell: float) -> Bools:
+def _touching(outline: Silhouettes, points: NDArray[np.float32], cell: float) -> Bools:
     """Return which cells may touch the object: in no view further than a cell from its mask.
 
-    Views whose mask is empty are skipped; one dissenting view per ten is forgiven.
+    One dissenting view per ten is forgiven, and half of the views must see the cell.
     """
-    against = np.zeros(len(points), np.int64)
-    seen = np.zeros(len(points), np.int64)
-    used = 0
-    for view in np.flatnonzero((state.alphas >= MASK_ON).any((1, 2))):
-        used += 1
-        distance, scale = _outside_distance(state.alphas[view])
-        u, v, depth = _project(state.Ks[view], state.viewmats[view], points, scale)
-        visible = ((depth > 0) & (u >= 0) & (v >= 0) & (u < distance.shape[1])
-                   & (v < distance.shape[0]))
-        at = np.flatnonzero(visible)
+    against, seen = (np.zeros(len(points), np.int32) for _ in range(2))
+    for away, camera, focal in zip(outline.away, outline.cameras, outline.focal, strict=True):
+        at, row, column, depth = _pixels(camera, points, away.shape)
         # half the diagonal of a cell is 0.87 edges
-        reach = 0.87 * cell * state.Ks[view, 0, 0] * scale / depth[at]
-        against[at] += distance[v[at].astype(int), u[at].astype(int)] > reach
+        against[at] += away[row, column] > 0.87 * cell * focal / depth
         seen[at] += 1
-    return np.asarray((against <= used // 10) & (seen > used // 2))
+    views = len(outline.away)
+    return np.asarray((against <= views // 10) & (seen > views // 2))
 
 
-def _unexplained(state: StateViews, kept: F64, cell: float) -> F64:
+def _unexplained(outline: Silhouettes, kept: NDArray[np.float32], cell: float) -> F64:
     """Return per view the share of its mask that no kept cell projects onto."""
     shares = []
-    for view in np.flatnonzero((state.alphas >= MASK_ON).any((1, 2))):
-        distance, scale = _outside_distance(state.alphas[view])
-        u, v, depth = _project(state.Ks[view], state.viewmats[view], kept, scale)
-        ok = (depth > 0) & (u >= 0) & (v >= 0) & (u < distance.shape[1]) & (v < distance.shape[0])
-        covered = np.zeros(distance.shape, np.uint8)
-        covered[v[ok].astype(int), u[ok].astype(int)] = 1
-        radius = int(np.ceil(cell * state.Ks[view, 0, 0] * scale / max(1e-9, np.median(depth))))
-        covered = np.asarray(cv2.dilate(covered, np.ones((2 * min(radius, 64) + 1,) * 2, np.uint8)))
-        mask = distance == 0
-        shares.append(1 - covered[mask].mean() if mask.any() else 0.0)
+    for away, camera, focal in zip(outline.away, outline.cameras, outline.focal, strict=True):
+        at, row, column, depth = _pixels(camera, kept, away.shape)
+        covered = np.zeros(away.shape, np.uint8)
+        covered[row, column] = 1
+        radius = int(np.ceil(cell * focal / np.median(depth))) if len(at) else 0
+        brush = np.ones((2 * min(radius, MASK_SIDE) + 1,) * 2, np.uint8)
+        shares.append(1.0 - float(np.asarray(cv2.dilate(covered, brush))[away == 0].mean()))
     return np.array(shares)
 
 
-def _outside_distance(alpha: NDArray[np.uint8]) -> tuple[NDArray[np.float32], float]:
-    """Return the distance of every pixel to the shrunk mask and the factor it was shrunk by."""
-    height, width = alpha.shape
-    scale = min(1.0, MASK_SIDE / max(height, width))
-    size = (max(1, round(width * scale)), max(1, round(height * scale)))
-    small = cv2.resize((alpha >= MASK_ON).astype(np.float32), size, interpolation=cv2.INTER_AREA)
-    away = cv2.distanceTransform((small <= 0).astype(np.uint8), cv2.DIST_L2, 3)
-    return np.asarray(away, np.float32), size[0] / width
-
-
-def _project(K: F64, viewmat: F64, points: F64, scale: float) -> tuple[F64, F64, F64]:
-    camera = points @ viewmat[:3, :3].T + viewmat[:3, 3]
-    depth = np.where(np.abs(camera[:, 2]) < 1e-12, 1e-12, camera[:, 2])
-    u = (K[0, 0] * camera[:, 0] / depth + K[0, 2]) * scale
-    v = (K[1, 1] * camera[:, 1] / depth + K[1, 2]) * scale
-    return u, v, depth
+def _pixels(
+    camera: NDArray[np.float32], points: NDArray[np.float32], shape: tuple[int, ...],
+) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64], NDArray[np.float32]]:
+    """Return index, row, column and depth of the points inside the image."""
+    u, v, depth = camera[:, :3] @ points.T + camera[:, 3:]
+    front = depth > 1e-9  # behind or in the camera plane there is no pixel
+    depth = np.where(front, depth, 1.0)
+    u, v = u / depth, v / depth
+    at = np.flatnonzero(front & (u >= 0) & (v >= 0) & (u < shape[1]) & (v < shape[0]))
+    return at, v[at].astype(np.int64), u[at].astype(np.int64), depth[at].astype(np.float32)
 
 
 def _eroded(cells: Bools) -> Bools:
