@@ -18,6 +18,8 @@ F64 = NDArray[np.float64]
 BLOCK = 4  # fine voxels per coarse block and axis: 48^3 blocks decide most of a 192^3 grid
 BAND = 2.0  # voxels: the signed distance is exact within this band and clipped outside
 MIN_SEEN = 2  # one silhouette alone cannot bound a voxel
+SEEN_SHARE = 4  # a voxel seen by less than a quarter of the views lies off the scene's middle
+FORGIVE_EVERY = 16  # one wrong mask is forgiven per so many views that see a voxel
 BAD_VIEW = 0.25  # a mask that rejects this share more of the object than the median mask is broken
 
 
@@ -66,8 +68,9 @@ def carve(state: StateViews, bounds: tuple[F64, F64] | None = None, resolution: 
           outside_votes: int = 2) -> Hull:
     """Carve the visual hull of a state from its masks.
 
-    A voxel is outside when at least `outside_votes` views that see it say so, and when fewer
-    than two views see it. Masks that contradict all others are left out.
+    A voxel is outside when at least `outside_votes` views that see it say so (one view suffices
+    where fewer than 16 see it), and when fewer than a quarter of the views see it. Masks that
+    contradict all others are left out.
 
     Args:
         state: posed views; pixels with alpha >= 128 are object.
@@ -222,7 +225,9 @@ def _hull_distance(cams, dist, focal, x, y, z, votes, floor, low):  # type: igno
             low[k] = d
             if low[votes - 1] < floor:
                 return low[votes - 1]
-    return low[votes - 1] if seen >= 2 else -1e6
+    if seen < max(MIN_SEEN, len(cams) // SEEN_SHARE):
+        return -1e6
+    return low[min(votes - 1, seen // FORGIVE_EVERY)]
 
 
 @nb.njit(cache=True, parallel=True, error_model="numpy")
@@ -244,7 +249,7 @@ def _carve_blocks(values, first, voxel, cams, dist, votes):  # type: ignore[no-u
                            votes, -1.3 * reach, low)
         # A pixel distance turned into length changes by up to ~1.2 times the step near the frame
         # corner and with depth across the block; the block test keeps that much in reserve.
-        decided = abs(d) > 1.2 * reach and d > -1e5 and d < 1e5
+        decided = abs(d) > 1.2 * reach and d > -1e5
         for i in range(i0, min(i0 + BLOCK, nx)):
             for j in range(j0, min(j0 + BLOCK, ny)):
                 for k in range(k0, min(k0 + BLOCK, nz)):

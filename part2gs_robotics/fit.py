@@ -1,0 +1,186 @@
+"""Fit the Gaussians of one state to its images: the loop."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from part2gs_robotics.adam import Adam
+from part2gs_robotics.fit_density import Density
+from part2gs_robotics.fit_init import hull_gaussians
+from part2gs_robotics.fit_step import (
+    Views,
+    chain,
+    depth_term,
+    draw,
+    gaussians_of,
+    image_terms,
+    opacity_term,
+    params_of,
+    require_finite,
+)
+from part2gs_robotics.gaussians import Gaussians
+from part2gs_robotics.hull import Hull, carve
+from part2gs_robotics.image_loss import psnr
+from part2gs_robotics.render_cpu import render_backward
+from part2gs_robotics.scene import StateViews
+
+Progress = Callable[[int, int, float], None]  # step, steps, last held-out PSNR
+
+
+@dataclass(frozen=True)
+class FitConfig:
+    """How long and how finely to fit."""
+
+    steps: int = 900
+    """Optimiser steps, one view each."""
+    half_steps: int = 300
+    """First steps, at half the image resolution."""
+    start_gaussians: int = 14_000
+    """Discs on the visual hull at the start."""
+    max_gaussians: int = 30_000
+    """Hard cap."""
+    hull_resolution: int = 192
+    """Voxels along the longest side of the visual hull."""
+    alpha_weight: float = 0.5
+    """Weight of the mean absolute error of the mask."""
+    opacity_weight: float = 0.01
+    """Weight of the mean of o (1 - o): opacities go to 0 or 1."""
+    depth_weight: float = 0.2
+    """Weight of mean log(1 + |depth error| / diagonal); used only with depth images."""
+    seed: int = 0
+    """Order of views, backgrounds, start points."""
+
+
+PRESETS = {
+    "draft": FitConfig(steps=400, half_steps=250, start_gaussians=9_000, max_gaussians=14_000,
+                       hull_resolution=128),
+    "standard": FitConfig(),
+    "high": FitConfig(steps=3000, half_steps=600, start_gaussians=25_000, max_gaussians=80_000,
+                      hull_resolution=256),
+}
+
+
+@dataclass(frozen=True)
+class FitResult:
+    """Gaussians of one state and how the fit went.
+
+    Attributes:
+        gaussians: the fit, in the world frame.
+        hull: the visual hull it started from, None when it started from given Gaussians.
+        curve: (seconds since the start, PSNR of the held-out views in dB, Gaussians) over time.
+    """
+
+    gaussians: Gaussians
+    hull: Hull | None
+    curve: list[tuple[float, float, int]]
+
+
+def fit_state(state: StateViews, init: Hull | Gaussians | None = None,
+              config: FitConfig | None = None, progress: Progress | None = None,
+              name: str = "state") -> FitResult:
+    """Fit Gaussians to the images of one state.
+
+    Args:
+        state: posed views; the held-out ones only measure.
+        init: where to start; None = carve the visual hull here.
+        config: None = the standard preset.
+        progress: called after each step.
+        name: what messages call this state.
+
+    Raises:
+        FitError: the masks do not meet, or a loss or parameter is no longer finite.
+    """
+    config = config or FitConfig()
+    start = time.perf_counter()
+    hull = carve(state, resolution=config.hull_resolution) if init is None else init
+    if isinstance(hull, Hull):
+        first = hull_gaussians(hull, state, config.start_gaussians, config.seed)
+    else:
+        first, hull = hull, None
+    run = _Run(state, first, hull, config, name)
+    curve = [(time.perf_counter() - start, run.held_out_psnr(), len(first))]
+    marks = {round(config.steps * k / 8) for k in range(1, 9)}  # eight points make a curve
+    for step in range(1, config.steps + 1):
+        run.step(step)
+        if step in marks:
+            curve.append((time.perf_counter() - start, run.held_out_psnr(), run.count))
+        if progress is not None:
+            progress(step, config.steps, curve[-1][1])
+    return FitResult(run.gaussians(), hull, curve)
+
+
+WHITE = np.ones(3, np.float32)  # held-out views are measured over white, as in NeRF's synthetic sets
+RATES = {"means": 4e-4, "quats": 2e-3, "log_scales": 1e-2, "logit_opacities": 5e-2, "sh0": 1e-2}
+MEANS_END = 0.05  # the rate of the means falls to this share: large moves first, then polish
+CHANGE_EVERY = 50  # steps between prune and split rounds
+CHANGE_UNTIL = 0.6  # of all steps: the rest lets the last halves settle
+
+
+class _Run:
+    """Everything that changes while one state is fitted."""
+
+    def __init__(self, state: StateViews, first: Gaussians, hull: Hull | None, config: FitConfig,
+                 name: str) -> None:
+        self.state, self.config, self.name = state, config, name
+        self.views = Views(state)
+        self.rng = np.random.default_rng(config.seed)
+        self.params = params_of(first)
+        self.diagonal = (hull.diagonal if hull is not None
+                         else float(np.linalg.norm(np.ptp(first.means, axis=0))))
+        self.adam = Adam({**RATES, "means": RATES["means"] * self.diagonal})
+        self.density = Density(hull, config.max_gaussians)
+        self.start = len(first)
+        self.train = np.flatnonzero(~state.held_out)
+        self.queue: list[int] = []
+
+    @property
+    def count(self) -> int:
+        return len(self.params["means"])
+
+    def gaussians(self) -> Gaussians:
+        return gaussians_of(self.params)
+
+    def step(self, step: int) -> None:
+        """Render one training view, go back through it, update, sometimes prune and split."""
+        if not self.queue:
+            self.queue = self.rng.permutation(self.train).tolist()
+        view, level = self.queue.pop(), int(step <= self.config.half_steps)
+        background = self.rng.random(3, dtype=np.float32)
+        target, alpha, intrinsics = self.views.target(view, level, background)
+        rendered = draw(self.params, self.state.viewmats[view], intrinsics, alpha.shape[1],
+                        alpha.shape[0], background)
+        losses, d_color, d_alpha = image_terms(rendered, target, alpha, self.config.alpha_weight)
+        d_depth = None
+        if self.state.depths is not None and level == 0 and self.config.depth_weight > 0:
+            losses["depth"], d_depth, more = depth_term(
+                rendered, self.state.depths[view], self.diagonal, self.config.depth_weight)
+            d_alpha += more
+        gradients = render_backward(rendered, d_color, d_alpha, d_depth, None)
+        grads = chain(self.params, gradients)
+        losses["opacity"], more = opacity_term(self.params["logit_opacities"],
+                                               self.config.opacity_weight)
+        grads["logit_opacities"] += more
+        require_finite({**losses, **grads}, self.name, step)
+        done = step / self.config.steps
+        self.adam.rates["means"] = RATES["means"] * self.diagonal * MEANS_END**done
+        self.adam.step(self.params, grads)
+        self.density.add(gradients.means2d_abs * (alpha.shape[1] / self.state.width),
+                         gradients.visible)
+        if step % CHANGE_EVERY == 0 and done <= CHANGE_UNTIL:
+            grown = self.start + (self.config.max_gaussians - self.start) * done / CHANGE_UNTIL
+            self.params = self.density.change(self.params, self.adam, int(grown))
+
+    def held_out_psnr(self) -> float:
+        """Return the mean PSNR over the held-out views (training views when there are none)."""
+        pick = np.flatnonzero(self.state.held_out)
+        scores = []
+        for view in pick if len(pick) else self.train[:8]:
+            target, _, intrinsics = self.views.target(int(view), 0, WHITE)
+            drawn = draw(self.params, self.state.viewmats[view], intrinsics, self.state.width,
+                         self.state.height, WHITE)
+            scores.append(psnr(np.clip(drawn.color, 0, 1), target))
+        return float(np.mean(scores))

@@ -1,0 +1,150 @@
+"""One state's fit in progress: parameters, losses with gradients, one optimiser step."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from part2gs_robotics.errors import FitError
+from part2gs_robotics.gaussians import SH_C0, Gaussians
+from part2gs_robotics.image_loss import photometric
+from part2gs_robotics.render_cpu import Gradients, Rendered, render, render_backward
+from part2gs_robotics.scene import StateViews
+
+F32 = NDArray[np.float32]
+Params = dict[str, F32]
+
+
+def params_of(gaussians: Gaussians) -> Params:
+    """Return writable copies of the optimised arrays."""
+    return {"means": gaussians.means.copy(), "quats": gaussians.quats.copy(),
+            "log_scales": gaussians.log_scales.copy(),
+            "logit_opacities": gaussians.logit_opacities.copy(), "sh0": gaussians.sh0.copy()}
+
+
+def gaussians_of(params: Params) -> Gaussians:
+    """Return the Gaussians of optimised arrays, quaternions made unit."""
+    quats = params["quats"] / np.linalg.norm(params["quats"], axis=1, keepdims=True)
+    return Gaussians(params["means"].copy(), quats.astype(np.float32),
+                     params["log_scales"].copy(), params["logit_opacities"].copy(),
+                     params["sh0"].copy(), np.zeros((len(quats), 0, 3), np.float32))
+
+
+class Views:
+    """Images of one state at full and half resolution, as float32 on demand."""
+
+    def __init__(self, state: StateViews) -> None:
+        self.state = state
+        self.levels = [(state.images, state.alphas, state.Ks)]
+        small = (max(1, state.width // 2), max(1, state.height // 2))
+        # Average premultiplied colours: straight ones would mix in the undefined background.
+        alphas = np.stack([cv2.resize(a, small, interpolation=cv2.INTER_AREA)
+                           for a in state.alphas])
+        images = np.stack([_shrink(im, a, small)
+                           for im, a in zip(state.images, state.alphas, strict=True)])
+        ratio = np.array([small[0] / state.width, small[1] / state.height, 1.0])
+        self.levels.append((images, alphas, state.Ks * ratio[:, None]))
+
+    def target(self, view: int, level: int, background: F32) -> tuple[F32, F32, NDArray[np.float64]]:
+        """Return (image over the background [H, W, 3], alpha [H, W], K) of a view."""
+        images, alphas, intrinsics = self.levels[level]
+        alpha = alphas[view].astype(np.float32) / np.float32(255)
+        image = images[view].astype(np.float32) / np.float32(255)
+        a = alpha[..., None]
+        return image * a + background * (1 - a), alpha, intrinsics[view]
+
+
+def _shrink(image: NDArray[np.uint8], alpha: NDArray[np.uint8], size: tuple[int, int],
+            ) -> NDArray[np.uint8]:
+    weight = alpha.astype(np.float32)
+    part = cv2.resize(weight, size, interpolation=cv2.INTER_AREA)
+    color = cv2.resize(image * weight[..., None], size, interpolation=cv2.INTER_AREA)
+    return np.clip(color / np.maximum(part, 1e-6)[..., None] + 0.5, 0, 255).astype(np.uint8)
+
+
+def draw(params: Params, viewmat: NDArray[np.float64], intrinsics: NDArray[np.float64],
+         width: int, height: int, background: F32) -> Rendered:
+    """Render optimised arrays from one camera."""
+    opacities = 1 / (1 + np.exp(-params["logit_opacities"]))
+    colors = np.maximum(np.float32(0.5) + np.float32(SH_C0) * params["sh0"], 0)
+    return render(params["means"], params["quats"], np.exp(params["log_scales"]), opacities,
+                  colors, viewmat, intrinsics, width, height, background=background)
+
+
+def chain(params: Params, gradients: Gradients) -> Params:
+    """Carry gradients of activated values to the optimised arrays."""
+    opacities = 1 / (1 + np.exp(-params["logit_opacities"]))
+    lit = params["sh0"] > np.float32(-0.5 / SH_C0)
+    return {"means": gradients.means, "quats": gradients.quats,
+            "log_scales": gradients.scales * np.exp(params["log_scales"]),
+            "logit_opacities": gradients.opacities * opacities * (1 - opacities),
+            "sh0": np.where(lit, np.float32(SH_C0) * gradients.colors, 0).astype(np.float32)}
+
+
+def opacity_term(logits: F32, weight: float) -> tuple[float, F32]:
+    """Return weight * mean o (1 - o) and its gradient by the logits."""
+    o = 1 / (1 + np.exp(-logits))
+    spread = o * (1 - o)
+    return weight * float(spread.mean()), np.float32(weight / len(o)) * spread * (1 - 2 * o)
+
+
+def alpha_term(alpha: F32, target: F32, weight: float) -> tuple[float, F32]:
+    """Return weight * mean |alpha - target| and its gradient by alpha."""
+    diff = alpha - target
+    return weight * float(np.abs(diff).mean()), np.float32(weight / diff.size) * np.sign(diff)
+
+
+def depth_term(rendered: Rendered, depth: F32, diagonal: float, weight: float,
+               ) -> tuple[float, F32, F32]:
+    """Return weight * mean log(1 + |d - d_gt| / diagonal), gradients by sum w z and by alpha.
+
+    d = sum w z / alpha on pixels with depth and alpha > 0.5. Source: ArtGS's depth loss.
+    """
+    valid = (depth > 0) & (rendered.alpha > 0.5)
+    alpha = np.maximum(rendered.alpha, 0.5)
+    mean = rendered.depth / alpha
+    error = np.where(valid, mean - depth, 0) / np.float32(diagonal)
+    scale = np.float32(weight / max(1, int(valid.sum())))
+    by_mean = scale * np.sign(error) / (1 + np.abs(error)) / np.float32(diagonal)
+    loss = float(scale * np.log1p(np.abs(error)).sum())
+    return loss, (by_mean / alpha).astype(np.float32), (-by_mean * mean / alpha).astype(np.float32)
+
+
+def require_finite(values: dict[str, float | F32], name: str, step: int) -> None:
+    """Stop with the state, step and term when a loss or parameter is NaN or infinite."""
+    for term, value in values.items():
+        if not np.isfinite(value).all():
+            bad = int(np.size(value) - np.isfinite(value).sum())
+            raise FitError(f"{name}, step {step}: {bad} of {np.size(value)} values of '{term}' are "
+                           "NaN or infinite. Expected finite numbers; check the poses and images "
+                           "of this state, or try another --seed.")
+
+
+def image_terms(rendered: Rendered, target: F32, alpha: F32, alpha_weight: float,
+                ) -> tuple[dict[str, float], F32, F32]:
+    """Return named losses and gradients by colour and alpha, on the box where either is not empty."""
+    box = _busy_box(rendered.alpha, alpha)
+    share = np.float32((box[0].stop - box[0].start) * (box[1].stop - box[1].start) / alpha.size)
+    d_color, d_alpha = np.zeros_like(target), np.zeros_like(alpha)
+    # Outside the box image and target are the same background: their mean errors are zero.
+    loss, grad = photometric(np.ascontiguousarray(rendered.color[box]),
+                             np.ascontiguousarray(target[box]))
+    mask, by_alpha = alpha_term(rendered.alpha[box], alpha[box], alpha_weight)
+    d_color[box], d_alpha[box] = grad * share, by_alpha * share
+    return {"image": loss * float(share), "mask": mask * float(share)}, d_color, d_alpha
+
+
+def _busy_box(rendered: F32, target: F32) -> tuple[slice, slice]:
+    """Return the box of pixels that are not empty in both, with room for the SSIM window."""
+    busy = np.maximum(rendered, target) > 0
+    rows, cols = np.flatnonzero(busy.any(1)), np.flatnonzero(busy.any(0))
+    if not len(rows):
+        return slice(0, busy.shape[0]), slice(0, busy.shape[1])
+    pad = 5
+    return (slice(max(0, int(rows[0]) - pad), min(busy.shape[0], int(rows[-1]) + pad + 1)),
+            slice(max(0, int(cols[0]) - pad), min(busy.shape[1], int(cols[-1]) + pad + 1)))
+
+
+__all__ = ["Views", "chain", "depth_term", "draw", "gaussians_of", "image_terms", "opacity_term",
+           "params_of", "render_backward", "require_finite"]
