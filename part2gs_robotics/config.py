@@ -22,7 +22,7 @@ Preset = Literal["draft", "standard", "high"]
 class ReadConfig:
     """What the readers may change or assume."""
 
-    max_side: int = 800
+    max_side: int = 512
     """longest image side in pixels; larger images are downscaled in memory"""
     allow_missing: bool = False
     """go on when images have no camera, or cameras have no image"""
@@ -40,14 +40,22 @@ class ReadConfig:
 class FitConfig:
     """Gaussians of each state."""
 
-    iterations: int = 900
-    """optimiser steps per state"""
+    steps: int = 900
+    """optimiser steps per state, one view each"""
+    half_steps: int = 300
+    """first of these steps, at half the image resolution"""
+    start_gaussians: int = 14_000
+    """Gaussians on the visual hull at the start"""
     max_gaussians: int = 30_000
     """most Gaussians per state"""
-    image_side: int = 400
-    """longest side of the images the optimiser sees, in pixels"""
-    sh_degree: int = 1
-    """highest degree of view-dependent colour that held-out views may raise to"""
+    hull_resolution: int = 192
+    """voxels along the longest side of the visual hull"""
+    alpha_weight: float = 0.5
+    """weight of the mean absolute error of the mask"""
+    opacity_weight: float = 0.01
+    """weight of the mean of o (1 - o), which drives opacities to 0 or 1"""
+    depth_weight: float = 0.2
+    """weight of mean log(1 + depth error / diagonal), used only with depth images"""
     device: Literal["auto", "cpu", "cuda"] = "auto"
     """where to render"""
     seed: int = 0
@@ -80,7 +88,7 @@ class MeshConfig:
 class CheckConfig:
     """Simulator checks."""
 
-    steps: int = 21
+    sweep_values: int = 21
     """joint values per joint at which interpenetration is measured"""
 
 
@@ -112,18 +120,21 @@ class Config:
 
 # standard is what the dataclasses say
 PRESETS: dict[str, dict[str, Value]] = {
-    "draft": {"iterations": 300, "max_gaussians": 15_000, "image_side": 256, "resolution": 128,
-              "sh_degree": 0},
+    "draft": {"max_side": 320, "steps": 400, "half_steps": 250, "start_gaussians": 9_000,
+              "max_gaussians": 14_000, "hull_resolution": 128, "resolution": 128},
     "standard": {},
-    "high": {"iterations": 3000, "max_gaussians": 60_000, "image_side": 800, "max_side": 1600,
-             "resolution": 256, "steps": 41},
+    "high": {"max_side": 1024, "steps": 3000, "half_steps": 600, "start_gaussians": 25_000,
+             "max_gaussians": 80_000, "hull_resolution": 256, "resolution": 256,
+             "sweep_values": 41},
 }
 
 # smallest and largest value that can mean anything; outside it is a typing mistake
 BOUNDS: dict[str, tuple[float, float]] = {
-    "max_side": (32, 8192), "meters_per_unit": (1e-9, 1e9), "iterations": (1, 1_000_000),
-    "max_gaussians": (100, 10_000_000), "image_side": (32, 8192), "sh_degree": (0, 3),
-    "parts": (1, 64), "resolution": (16, 1024), "clearance_voxels": (0, 16), "steps": (3, 10_001),
+    "max_side": (32, 8192), "meters_per_unit": (1e-9, 1e9), "steps": (1, 1_000_000),
+    "half_steps": (0, 1_000_000), "start_gaussians": (100, 10_000_000),
+    "max_gaussians": (100, 10_000_000), "hull_resolution": (16, 1024), "alpha_weight": (0, 1e3),
+    "opacity_weight": (0, 1e3), "depth_weight": (0, 1e3), "parts": (1, 64),
+    "resolution": (16, 1024), "clearance_voxels": (0, 16), "sweep_values": (3, 10_001),
     "seed": (0, 2**31 - 1),
 }
 

@@ -1,8 +1,7 @@
-"""Files that are whole or absent: atomic writes, resumable stages, one build per folder."""
+"""The output folder: resumable stages, one build at a time, results replaced only by whole ones."""
 
 from __future__ import annotations
 
-import errno
 import hashlib
 import json
 import os
@@ -19,7 +18,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from part2gs_robotics import __version__
+from part2gs_robotics.atomic import (
+    remove_quietly,
+    sync_folder,
+    write_bytes_atomic,
+    write_error,
+    write_text_atomic,
+)
 from part2gs_robotics.errors import StoreError
+
+__all__ = ["Saved", "Store", "code_version", "hash_of", "read_stage", "write_bytes_atomic",
+           "write_stage", "write_text_atomic"]
 
 T = TypeVar("T")
 Arrays = dict[str, NDArray[np.generic]]
@@ -30,59 +39,6 @@ NEW_PREFIX = ".new-"
 TEMP_PID = re.compile(r"(?:\.tmp-|^\.new-)(\d+)$")
 # measured: 64 + 64 views at 400 x 400 leave about 60 MB of stages and 40 MB of twin
 NEEDED_BYTES = 256 << 20
-
-
-def write_bytes_atomic(path: Path, data: bytes) -> None:
-    """Write a file so that a reader sees the old content or the new, never a part.
-
-    Raises:
-        StoreError: the folder is full, read-only or gone; the old file is untouched.
-    """
-    temp = path.with_name(f"{path.name}.tmp-{os.getpid()}")
-    try:
-        with temp.open("wb") as file:
-            file.write(data)
-            file.flush()
-            os.fsync(file.fileno())
-        os.replace(temp, path)
-        _sync_folder(path.parent)
-    except OSError as err:
-        _remove_quietly(temp)
-        raise _write_error(path, err) from err
-
-
-def write_text_atomic(path: Path, text: str) -> None:
-    """Write UTF-8 text as `write_bytes_atomic` does."""
-    write_bytes_atomic(path, text.encode("utf-8"))
-
-
-def _sync_folder(folder: Path) -> None:
-    """Make a rename durable: the folder's own entry table reaches the disk."""
-    handle = os.open(folder, os.O_RDONLY)
-    try:
-        os.fsync(handle)
-    finally:
-        os.close(handle)
-
-
-def _remove_quietly(path: Path) -> None:
-    """Clean up after a failure that is already being reported."""
-    if path.is_dir() and not path.is_symlink():
-        shutil.rmtree(path, ignore_errors=True)
-        return
-    try:
-        path.unlink(missing_ok=True)
-    except OSError:
-        return  # read-only folder: the temp could not have been created either
-
-
-def _write_error(path: Path, err: OSError) -> StoreError:
-    hints = {errno.ENOSPC: "free some space", errno.EDQUOT: "free some of your quota",
-             errno.EROFS: "choose another folder with -o"}
-    hint = hints.get(err.errno or 0, "check permissions or choose another folder with -o")
-    return StoreError(f"{path}: cannot be written ({err.strerror or err}). Expected a writable "
-                      f"folder with free space; {hint}. Earlier results are untouched; the same "
-                      "command continues.")
 
 
 def hash_of(*parts: object) -> str:
@@ -151,10 +107,10 @@ class Store:
         try:
             (self.out / STAGES).mkdir(parents=True, exist_ok=True)
         except OSError as err:
-            raise _write_error(self.out / STAGES, err) from err
+            raise write_error(self.out / STAGES, err) from err
         probe = self.out / f"probe.tmp-{os.getpid()}"
         write_bytes_atomic(probe, b"writable")
-        _remove_quietly(probe)
+        remove_quietly(probe)
         free = shutil.disk_usage(self.out).free
         if free < NEEDED_BYTES:
             raise StoreError(f"{self.out}: {free >> 20} MB free. Expected at least "
@@ -176,7 +132,7 @@ class Store:
         try:
             handle = os.open(path, os.O_RDWR | os.O_CREAT, 0o644)
         except OSError as err:
-            raise _write_error(path, err) from err
+            raise write_error(path, err) from err
         try:
             try:
                 fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -197,7 +153,7 @@ class Store:
         for folder in (self.out, self.out / STAGES):
             for item in folder.iterdir():
                 if TEMP_PID.search(item.name):
-                    _remove_quietly(item)
+                    remove_quietly(item)
 
     def stage(self, name: str, key: str, compute: Callable[[], T],
               save: Callable[[T], Saved], load: Callable[[Saved], T]) -> T:
@@ -233,12 +189,12 @@ class Store:
         try:
             fresh.mkdir()
         except OSError as err:
-            raise _write_error(fresh, err) from err
+            raise write_error(fresh, err) from err
         try:
             yield fresh
             self._publish(fresh)
         finally:
-            _remove_quietly(fresh)
+            remove_quietly(fresh)
 
     def _publish(self, fresh: Path) -> None:
         # meshes first, the models that name them last: a kill in between leaves models that load
@@ -250,9 +206,9 @@ class Store:
                     os.fsync(handle.fileno())
             for file in files:
                 os.replace(file, self.out / file.name)
-            _sync_folder(self.out)
+            sync_folder(self.out)
         except OSError as err:
-            raise _write_error(self.out, err) from err
+            raise write_error(self.out, err) from err
 
 
 def write_stage(folder: Path, key: str, saved: Saved) -> None:
@@ -260,7 +216,7 @@ def write_stage(folder: Path, key: str, saved: Saved) -> None:
     from safetensors.numpy import save as to_bytes
 
     temp = folder.with_name(f"{folder.name}.tmp-{os.getpid()}")
-    _remove_quietly(temp)
+    remove_quietly(temp)
     try:
         temp.mkdir()
         arrays = {name: np.ascontiguousarray(value) for name, value in saved.arrays.items()}
@@ -275,12 +231,12 @@ def write_stage(folder: Path, key: str, saved: Saved) -> None:
         if folder.exists():  # a folder cannot be replaced by rename unless it is empty
             os.rename(folder, old)
         os.rename(temp, folder)
-        _sync_folder(folder.parent)
-        _remove_quietly(old)
+        sync_folder(folder.parent)
+        remove_quietly(old)
     except OSError as err:
-        raise _write_error(folder, err) from err
+        raise write_error(folder, err) from err
     finally:
-        _remove_quietly(temp)
+        remove_quietly(temp)
 
 
 def read_stage(folder: Path, key: str) -> Saved | None:

@@ -1,0 +1,117 @@
+"""Which stages and terms a scene needs, said before the build spends time on them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Literal
+
+from part2gs_robotics.config import Config
+from part2gs_robotics.scene import Scene
+
+
+@dataclass(frozen=True)
+class PlanItem:
+    """One stage or term.
+
+    Attributes:
+        name: what it is.
+        used: True = part of this build.
+        reason: why it is used or left out.
+        decided: "before" the build from the scene and flags, or "during" it from measurements;
+            until then `used` is what holds unless the measurement says otherwise.
+    """
+
+    name: str
+    used: bool
+    reason: str
+    decided: Literal["before", "during"] = "before"
+
+
+@dataclass(frozen=True)
+class Plan:
+    """All decisions of one build, in the order of the corridor."""
+
+    items: tuple[PlanItem, ...]
+
+    def __getitem__(self, name: str) -> PlanItem:
+        """Return the item of that name."""
+        return next(item for item in self.items if item.name == name)
+
+    def settle(self, name: str, used: bool, reason: str) -> Plan:
+        """Return the plan with an open decision made."""
+        items = tuple(replace(item, used=used, reason=reason) if item.name == name else item
+                      for item in self.items)
+        return Plan(items)
+
+    def rows(self) -> tuple[tuple[str, bool, str], ...]:
+        """Return (name, used, reason) rows for the report."""
+        return tuple((item.name, item.used, item.reason) for item in self.items)
+
+    def lines(self) -> list[str]:
+        """Return one line per item for people."""
+        words = {("before", True): "yes", ("before", False): "no", ("during", True): "open",
+                 ("during", False): "open"}
+        return [f"  {words[item.decided, item.used]:4s} {item.name:24s} {item.reason}"
+                for item in self.items]
+
+
+def make_plan(scene: Scene, config: Config) -> Plan:
+    """Return what this scene and these flags need; nothing slow is looked at."""
+    return Plan((*_reading(scene), *_fitting(scene), *_articulation(scene, config),
+                 *_geometry(config)))
+
+
+def _reading(scene: Scene) -> tuple[PlanItem, ...]:
+    notes = " ".join(scene.notes)
+    undistorted = "distortion removed" in notes
+    downscaled = "downscaled" in notes
+    return (
+        PlanItem("undistortion", undistorted, "cameras have lens distortion" if undistorted
+                 else "every camera is a pinhole"),
+        PlanItem("downscaling", downscaled, "images are larger than --max-side" if downscaled
+                 else "images are within --max-side"),
+    )
+
+
+def _fitting(scene: Scene) -> tuple[PlanItem, ...]:
+    with_depth = [state.depths is not None for state in scene.states]
+    depth = {0: "the scene has no depth images", 1: "one state has depth images",
+             2: "both states have depth images"}[sum(with_depth)]
+    views = " and ".join(f"{int((~state.held_out).sum())} + {int(state.held_out.sum())}"
+                         for state in scene.states)
+    return (
+        PlanItem("fit", True, f"{views} training and held-out views"),
+        PlanItem("depth term", any(with_depth), depth),
+        PlanItem("view-dependent colour", False,
+                 "colour per Gaussian is one value (SH 0); held-out views measure what that costs"),
+    )
+
+
+def _articulation(scene: Scene, config: Config) -> tuple[PlanItem, ...]:
+    parts = config.articulate.parts
+    mode = config.articulate.paper_mode
+    count = f"{parts} moving parts by --parts" if parts else "searched, --parts is absent"
+    if parts == 1:
+        competition = PlanItem("part competition", False, "one moving part by --parts")
+    elif parts:
+        competition = PlanItem("part competition", True, f"{parts} moving parts by --parts")
+    else:
+        competition = PlanItem("part competition", True, "decided by the number of parts found",
+                               "during")
+    return (
+        PlanItem("search for number of parts", parts is None, count),
+        PlanItem("centre averaging", mode, "paper mode averages matched centres" if mode
+                 else "averaged centres lie in neither state; only with --paper-mode"),
+        competition,
+        PlanItem("repel points", True, "decided by seams between parts within reach", "during"),
+    )
+
+
+def _geometry(config: Config) -> tuple[PlanItem, ...]:
+    return (
+        PlanItem("meshing", True, f"{config.mesh.resolution} cells along the longest side"),
+        PlanItem("convex decomposition", True, "decided per part: a convex part needs none",
+                 "during"),
+        PlanItem("simulator checks", True,
+                 f"{config.check.sweep_values} joint values per joint, MuJoCo and exact geometry"),
+    )
