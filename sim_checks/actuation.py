@@ -1,0 +1,168 @@
+"""Drive every joint through its range with its own servo and watch everything else."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from part2gs_robotics.sim_checks.result import CheckResult, row
+from part2gs_robotics.sim_checks.subject import DrivenJoint, Subject
+
+if TYPE_CHECKING:
+    import mujoco
+
+F64 = NDArray[np.float64]
+LOW, HIGH = 0.05, 0.95  # of the range: clear of the soft limits
+REACH = 0.99  # of the way between them
+TRACKING = 0.10  # of the range: lag of a critically damped 30 rad/s servo is 4 %
+STILL_ANGLE = np.deg2rad(0.1)
+STILL_SHARE = 1e-3  # of the size for slides: 1 mm on a metre
+CARRIED_SHARE = 0.01  # of its own range, for a joint that rides on the driven part: it sags anew
+SETTLE, TRAVEL, HOLD = 0.5, 3.0, 1.0  # s; settle + 2 (travel + hold) = 8.5 s < 10 s
+CONTROL = 0.02  # s between commands
+MAX_STEPS = 200_000  # of one drive; a finer time step is reported, not waited for
+
+
+@dataclass(frozen=True)
+class Drive:
+    """Trace of one drive, sampled at every command.
+
+    Attributes:
+        time, target: [S].  qpos: [S, nq].  warnings: names of the engine's warnings.
+        held: [S] bool, target at rest.  finite: no NaN anywhere.
+    """
+
+    time: F64
+    target: F64
+    qpos: F64
+    held: NDArray[np.bool_]
+    warnings: tuple[str, ...]
+    finite: bool
+
+
+def check_actuation(subject: Subject) -> list[CheckResult]:
+    """Drive every joint 5 % -> 95 % -> 5 % and return its rows."""
+    rows: list[CheckResult] = []
+    for joint in subject.joints:
+        if joint.servo < 0 or not joint.span > 0:
+            why = "no servo could be added: unnamed joint" if joint.servo < 0 else "range is empty"
+            rows.append(CheckResult("actuation", joint.name, "incomplete", detail=why))
+            continue
+        if 2 * (TRAVEL + HOLD) / subject.model.opt.timestep > MAX_STEPS:
+            step = subject.model.opt.timestep
+            why = f"time step {step:.2g} s needs more than {MAX_STEPS} steps"
+            rows.append(CheckResult("actuation", joint.name, "incomplete", detail=why))
+            continue
+        rows += _judge(subject, joint, drive(subject, joint))
+    return rows
+
+
+def drive(subject: Subject, joint: DrivenJoint) -> Drive:
+    """Simulate the drive of one joint, the others held where state 0 is."""
+    import mujoco
+
+    model, data = subject.model, start(subject, joint, LOW)
+    substeps = max(1, round(CONTROL / model.opt.timestep))
+    count = int(np.ceil((SETTLE + 2 * (TRAVEL + HOLD)) / (substeps * model.opt.timestep)))
+    times = np.arange(1, count + 1) * substeps * model.opt.timestep
+    targets = joint.low + joint.span * np.array([_profile(t) for t in times])
+    qpos = np.full((count, model.nq), np.nan)
+    for i, target in enumerate(targets):
+        data.ctrl[joint.servo] = target
+        mujoco.mj_step(model, data, substeps)
+        qpos[i] = data.qpos
+        if not np.isfinite(data.qpos).all():
+            break
+    held = np.concatenate([[False], np.abs(np.diff(targets)) < 1e-12])
+    return Drive(times, targets, qpos, held, warnings_of(data), bool(np.isfinite(qpos).all()))
+
+
+def start(subject: Subject, joint: DrivenJoint, share: float) -> mujoco.MjData:
+    """Return data with one joint at a share of its range and every servo holding its joint."""
+    import mujoco
+
+    data = mujoco.MjData(subject.model)
+    data.qpos[:] = subject.at({joint.qpos: joint.low + share * joint.span})
+    for other in subject.joints:
+        if other.servo >= 0:
+            data.ctrl[other.servo] = data.qpos[other.qpos]
+    return data
+
+
+def warnings_of(data: mujoco.MjData) -> tuple[str, ...]:
+    """Return the names of all warnings the engine counted."""
+    import mujoco
+
+    kinds = mujoco.mjtWarning.__members__.items()
+    count = len(data.warning)
+    return tuple(n for n, k in kinds if int(k) < count and data.warning[int(k)].number)
+
+
+def _profile(time: float) -> float:
+    """Return the commanded share of the range: rest, up, hold, down, hold; minimum jerk."""
+    up = _smooth((time - SETTLE) / TRAVEL)
+    down = _smooth((time - SETTLE - TRAVEL - HOLD) / TRAVEL)
+    return LOW + (HIGH - LOW) * (up - down)
+
+
+def _smooth(s: float) -> float:
+    s = min(max(s, 0.0), 1.0)
+    return s**3 * (10 - 15 * s + 6 * s * s)
+
+
+def _judge(subject: Subject, joint: DrivenJoint, trace: Drive) -> list[CheckResult]:
+    rows = []
+    bad = ", ".join(trace.warnings) or ("" if trace.finite else "NaN")
+    status = "fail" if bad else "pass"
+    rows.append(CheckResult("warnings", joint.name, status, detail=bad or "no engine warning"))
+    if not trace.finite:
+        return [*rows, CheckResult("reach", joint.name, "fail", detail="the simulation blew up")]
+    q = trace.qpos[:, joint.qpos]
+    rows.append(_reach(joint, trace, q))
+    lag = float(np.abs(q - trace.target).max()) / joint.span
+    rows.append(row("tracking", joint.name, lag, TRACKING, "of range", "largest lag of the servo"))
+    return [*rows, *_still(subject, joint, trace)]
+
+
+def _reach(joint: DrivenJoint, trace: Drive, q: F64) -> CheckResult:
+    middle = SETTLE + TRAVEL + HOLD
+    way = (HIGH - LOW) * joint.span
+    first = joint.low + LOW * joint.span
+    top = q[trace.time <= middle][-1]  # where it rests at the far end
+    up, down = (top - first) / way, (top - q[-1]) / way
+    share = float(min(up, down))
+    detail = f"rests at {top:.4g} and {q[-1]:.4g} of {joint.low:.4g}..{joint.high:.4g} {joint.unit}"
+    status = "pass" if share >= REACH else "fail"
+    return CheckResult("reach", joint.name, status, share, REACH, "of the way", detail)
+
+
+def _still(subject: Subject, driven: DrivenJoint, trace: Drive) -> list[CheckResult]:
+    """Return the worst other joint: what it moved, relative to what it may move."""
+    settled = int(np.searchsorted(trace.time, SETTLE))
+    worst, name, limit, unit = 0.0, "", 1.0, ""
+    for other in subject.joints:
+        if other.index == driven.index:
+            continue
+        rides = int(subject.model.jnt_bodyid[other.index]) in driven.moved
+        allowed = STILL_ANGLE if other.hinge else STILL_SHARE * subject.size
+        chosen = trace.held if rides else np.ones(len(trace.time), bool)
+        if rides:  # inertia moves it during the drive: judged at rest
+            allowed = max(allowed, CARRIED_SHARE * other.span)
+            chosen = chosen & _rested(trace)
+        track = trace.qpos[:, other.qpos]
+        moved = float(np.abs(track[chosen] - track[settled]).max())
+        if moved / allowed >= worst / limit:
+            worst, name, limit, unit = moved, other.name, allowed, other.unit
+    if not name:
+        return []
+    return [row("others still", driven.name, worst, limit, unit, f"moved most: {name}")]
+
+
+def _rested(trace: Drive) -> NDArray[np.bool_]:
+    """Return which samples lie in the second half of a hold."""
+    ends = (SETTLE + TRAVEL + HOLD, SETTLE + 2 * (TRAVEL + HOLD))
+    near = [(trace.time <= end) & (trace.time > end - HOLD / 2) for end in ends]
+    return near[0] | near[1]

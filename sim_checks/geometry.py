@@ -1,0 +1,207 @@
+"""Exact solids of a compiled model and how deep two of them overlap."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from part2gs_robotics.solids import defect, to_manifold
+from part2gs_robotics.twin import PartMesh
+
+if TYPE_CHECKING:
+    import mujoco
+    from manifold3d import Manifold
+
+F64 = NDArray[np.float64]
+VISUAL_GROUP = 2
+DENSE = 12_000  # faces of one body above which the sweep uses a simplified copy
+SAMPLES = 192  # points of the overlap whose depth is measured
+FEWEST = 48  # of them when the overlap has so many faces that
+PAIRS = 1_000_000  # point-triangle pairs would be exceeded: 0.3 s
+CHUNK = 400_000  # point-triangle pairs at a time: 100 MB
+
+
+@dataclass(frozen=True)
+class Overlap:
+    """Intersection of two solids.
+
+    Attributes:
+        volume: units^3, exact.  thickness: units, 2 volume / surface of the thickest piece.
+        solid: the intersection itself, None if empty.
+    """
+
+    volume: float
+    thickness: float
+    solid: Manifold | None
+
+
+def body_meshes(model: mujoco.MjModel, body: int) -> list[PartMesh]:
+    """Return the true surfaces of a body in its own frame.
+
+    Group-2 meshes are the true surface; without any in the model, all meshes and plain shapes are.
+    """
+    import mujoco
+
+    mesh_type = mujoco.mjtGeom.mjGEOM_MESH
+    visual = (model.geom_group == VISUAL_GROUP) & (model.geom_type == mesh_type)
+    own = model.geom_bodyid == body
+    chosen = np.flatnonzero(own & visual if visual.any() else own)
+    meshes = []
+    for geom in chosen:
+        local = _geom_surface(model, int(geom))
+        if local is not None:
+            rot = np.zeros(9)
+            mujoco.mju_quat2Mat(rot, model.geom_quat[geom])
+            placed = local.vertices @ rot.reshape(3, 3).T + model.geom_pos[geom]
+            meshes.append(PartMesh(placed, local.faces, local.colors))
+    return meshes
+
+
+def _geom_surface(model: mujoco.MjModel, geom: int) -> PartMesh | None:
+    import mujoco
+
+    kind = mujoco.mjtGeom(model.geom_type[geom])
+    if kind == mujoco.mjtGeom.mjGEOM_MESH:
+        return _mesh_surface(model, int(model.geom_dataid[geom]))
+    solid = _primitive(kind, model.geom_size[geom])
+    if solid is None:
+        return None
+    from part2gs_robotics.solids import to_mesh
+
+    return to_mesh(solid)
+
+
+def _mesh_surface(model: mujoco.MjModel, mesh: int) -> PartMesh:
+    start, count = model.mesh_vertadr[mesh], model.mesh_vertnum[mesh]
+    face, faces = model.mesh_faceadr[mesh], model.mesh_facenum[mesh]
+    vertices = np.array(model.mesh_vert[start : start + count], np.float64)
+    triangles = np.array(model.mesh_face[face : face + faces], np.int64)
+    surface = PartMesh(vertices, triangles, np.zeros((count, 3), np.uint8))
+    if defect(surface) is None:
+        return surface
+    # files such as STL list every corner separately: merge the equal ones
+    unique, inverse = np.unique(vertices, axis=0, return_inverse=True)
+    merged = inverse.reshape(-1)[triangles]
+    return PartMesh(unique, merged, np.zeros((len(unique), 3), np.uint8))
+
+
+def _primitive(kind: mujoco.mjtGeom, size: F64) -> Manifold | None:
+    import manifold3d
+    import mujoco
+
+    solid = manifold3d.Manifold
+    types = mujoco.mjtGeom
+    if kind == types.mjGEOM_BOX:
+        return solid.cube((2 * size).tolist(), True)
+    if kind == types.mjGEOM_SPHERE:
+        return solid.sphere(float(size[0]), 48)
+    if kind == types.mjGEOM_ELLIPSOID:
+        return solid.sphere(1.0, 48).scale(size.tolist())
+    if kind == types.mjGEOM_CYLINDER:
+        return solid.cylinder(2 * float(size[1]), float(size[0]), -1.0, 48, True)
+    if kind == types.mjGEOM_CAPSULE:
+        ball, half = solid.sphere(float(size[0]), 48), float(size[1])
+        return (ball.translate([0, 0, half]) + ball.translate([0, 0, -half])).hull()
+    return None
+
+
+def body_solid(meshes: list[PartMesh]) -> Manifold | None:
+    """Return the union of closed surfaces; None if there are none or one is open."""
+    import manifold3d
+
+    if not meshes or any(defect(m) is not None for m in meshes):
+        return None
+    solids = [to_manifold(m) for m in meshes]
+    whole = solids[0]
+    if len(solids) > 1:
+        whole = manifold3d.Manifold.batch_boolean(solids, manifold3d.OpType.Add)
+    return whole.as_original()
+
+
+def lighter(solid: Manifold, tolerance: float) -> tuple[Manifold, bool]:
+    """Return the solid, simplified within a tolerance when it is too dense for a sweep."""
+    if solid.num_tri() <= DENSE:
+        return solid, False
+    return solid.simplify(tolerance).as_original(), True
+
+
+def place(solid: Manifold, world_from_body: F64) -> Manifold:
+    """Return the solid moved by a [4, 4] rigid motion."""
+    return solid.transform(np.ascontiguousarray(world_from_body[:3, :4]))
+
+
+def overlap(a: Manifold, b: Manifold) -> Overlap:
+    """Return the exact intersection of two placed solids."""
+    box_a, box_b = np.array(a.bounding_box()), np.array(b.bounding_box())
+    if (box_a[:3] > box_b[3:]).any() or (box_b[:3] > box_a[3:]).any():
+        return Overlap(0.0, 0.0, None)
+    both = a ^ b
+    volume = float(both.volume())
+    if volume <= 0:
+        return Overlap(0.0, 0.0, None)
+    pieces = both.decompose()
+    thickness = max(2 * p.volume() / max(p.surface_area(), 1e-300) for p in pieces)
+    return Overlap(volume, float(thickness), both)
+
+
+def depth(both: Manifold) -> float:
+    """Return how deep two solids stick into each other, units.
+
+    The surface of the intersection belongs partly to either solid. The depth is the largest
+    distance from a point of one side to the other side: the thickness of a sheet, the height of a
+    bump, the way a corner has to be pushed back. For deep overlaps an upper bound, as only the
+    other surface inside the overlap is looked at.
+    """
+    raw = both.to_mesh64()
+    vertices, faces = np.array(raw.vert_properties[:, :3]), np.array(raw.tri_verts)
+    bounds = np.array(raw.run_index, np.int64) // 3
+    owners = np.repeat(np.array(raw.run_original_id, np.int64), np.diff(bounds))
+    sides = [vertices[faces[owners == o]] for o in np.unique(owners)]
+    if len(sides) != 2:
+        return 2 * float(both.volume()) / float(both.surface_area())  # one solid holds the other
+    return max(_farthest(sides[0], sides[1]), _farthest(sides[1], sides[0]))
+
+
+def _farthest(tri: F64, other: F64) -> float:
+    """Return the largest distance from sampled points of some triangles to other triangles."""
+    points = _samples(tri, int(np.clip(PAIRS / len(other), FEWEST, SAMPLES)))
+    step = max(1, CHUNK // len(other))
+    return max(
+        float(point_triangle_distance(points[i : i + step], other).min(1).max())
+        for i in range(0, len(points), step)
+    )
+
+
+def _samples(tri: F64, count: int) -> F64:
+    """Return corners and area-weighted inner points of triangles, the same every time."""
+    corners = np.unique(tri.reshape(-1, 3), axis=0)
+    rng = np.random.default_rng(0)
+    if len(corners) > count:
+        corners = corners[rng.choice(len(corners), count, replace=False)]
+    area = np.linalg.norm(np.cross(tri[:, 1] - tri[:, 0], tri[:, 2] - tri[:, 0]), axis=1)
+    if not area.sum() > 0:
+        return corners
+    chosen = tri[rng.choice(len(tri), count, p=area / area.sum())]
+    weights = rng.dirichlet(np.ones(3), count)
+    return np.concatenate([corners, np.einsum("nk,nki->ni", weights, chosen)])
+
+
+def point_triangle_distance(points: F64, tri: F64) -> F64:
+    """Return [P, T] distances from points [P, 3] to triangles [T, 3, 3]."""
+    normal = np.cross(tri[:, 1] - tri[:, 0], tri[:, 2] - tri[:, 0])
+    length = np.linalg.norm(normal, axis=1, keepdims=True)
+    normal = normal / np.maximum(length, 1e-300)
+    best = np.full((len(points), len(tri)), np.inf)
+    inside = np.ones((len(points), len(tri)), bool) & (length[:, 0] > 0)
+    for k in range(3):
+        start, edge = tri[:, k], tri[:, (k + 1) % 3] - tri[:, k]
+        offset = points[:, None] - start
+        along = (offset * edge).sum(-1) / np.maximum((edge * edge).sum(-1), 1e-300)
+        gap = offset - np.clip(along, 0, 1)[..., None] * edge
+        best = np.minimum(best, np.sqrt((gap * gap).sum(-1)))
+        inside &= (offset * np.cross(normal, edge)).sum(-1) >= 0
+    height = np.abs(((points[:, None] - tri[:, 0]) * normal).sum(-1))
+    return np.where(inside, np.minimum(best, height), best)

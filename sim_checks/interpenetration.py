@@ -1,0 +1,175 @@
+"""Exact overlap of the true surfaces along every joint, beside the engine's contacts."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import combinations
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from part2gs_robotics.sim_checks.geometry import Overlap, depth, overlap, place
+from part2gs_robotics.sim_checks.result import CheckResult, Curve, row
+from part2gs_robotics.sim_checks.subject import DrivenJoint, Subject
+
+if TYPE_CHECKING:
+    import mujoco
+    from manifold3d import Manifold
+
+F64 = NDArray[np.float64]
+LIMIT = 0.002  # of the size: 2 mm on a metre, the noise of a good reconstruction
+RANDOM_POSES = 64
+Pair = tuple[int, int]
+
+
+@dataclass(frozen=True)
+class Worst:
+    """The deepest overlap found: where, between whom, how much."""
+
+    volume: float = 0.0
+    depth: float = 0.0
+    pair: Pair = (-1, -1)
+    position: float = 0.0
+
+
+class Poser:
+    """Places bodies for joint positions and compares exact and engine overlap.
+
+    Args:
+        subject: the model under test.
+    """
+
+    def __init__(self, subject: Subject) -> None:
+        """Reserve one data block for all poses."""
+        import mujoco
+
+        self.subject = subject
+        self.data: mujoco.MjData = mujoco.MjData(subject.model)
+        self.solids = {b: s for b, s in subject.solids.items() if s is not None}
+        weld = subject.model.body_weldid
+        self.pairs = [p for p in combinations(sorted(self.solids), 2) if weld[p[0]] != weld[p[1]]]
+
+    def pose(self, qpos: F64) -> None:
+        """Move every body and find the engine's contacts."""
+        import mujoco
+
+        self.data.qpos[:] = qpos
+        mujoco.mj_fwdPosition(self.subject.model, self.data)
+
+    def placed(self, body: int) -> Manifold:
+        """Return a body's solid in the world."""
+        world_from_body = np.eye(4)
+        world_from_body[:3, :3] = self.data.xmat[body].reshape(3, 3)
+        world_from_body[:3, 3] = self.data.xpos[body]
+        return place(self.solids[body], world_from_body)
+
+    def overlaps(self, pairs: list[Pair]) -> dict[Pair, Overlap]:
+        """Return the exact intersection of body pairs that overlap at the current pose."""
+        at = {b: self.placed(b) for b in {b for p in pairs for b in p}}
+        found = {p: overlap(at[p[0]], at[p[1]]) for p in pairs}
+        return {p: o for p, o in found.items() if o.solid is not None}
+
+    def contact_depth(self, moved: frozenset[int] | None) -> float:
+        """Return the deepest contact between a moved body and another one, 0 if none."""
+        deepest = 0.0
+        for k in range(self.data.ncon):
+            contact = self.data.contact[k]
+            bodies = [int(self.subject.model.geom_bodyid[g]) for g in contact.geom]
+            if moved is None or len(moved.intersection(bodies)) == 1:
+                deepest = max(deepest, -float(contact.dist))
+        return deepest
+
+
+def check_interpenetration(
+    subject: Subject, steps: int, random_poses: int = RANDOM_POSES
+) -> tuple[list[CheckResult], list[Curve]]:
+    """Sweep every joint and random combinations; return rows and one curve per joint."""
+    rows, curves = [], []
+    missing = [subject.body(b) for b, s in subject.solids.items() if s is None]
+    if missing:
+        detail = f"no exact overlap for open meshes: {', '.join(missing)}"
+        rows.append(CheckResult("overlap", "", "incomplete", detail=detail))
+    poser = Poser(subject)
+    for joint in subject.joints:
+        curve, deepest = sweep(poser, joint, steps)
+        curves.append(curve)
+        rows += _joint_rows(subject, joint, curve, deepest)
+    if subject.joints and random_poses:
+        rows.append(_random_row(poser, random_poses))
+    return rows, curves
+
+
+def sweep(poser: Poser, joint: DrivenJoint, steps: int) -> tuple[Curve, Worst]:
+    """Return exact overlap and contact depth at evenly spaced positions of one joint."""
+    positions = np.linspace(joint.low, joint.high, steps)
+    pairs = [p for p in poser.pairs if (p[0] in joint.moved) != (p[1] in joint.moved)]
+    volumes, depths, contacts, worst = [], [], [], Worst()
+    for q in positions:
+        poser.pose(poser.subject.at({joint.qpos: float(q)}))
+        found = poser.overlaps(pairs)
+        deepest = deepest_of(found, float(q))
+        worst = max(worst, deepest, key=lambda w: w.depth)
+        volumes.append(sum(o.volume for o in found.values()))
+        depths.append(deepest.depth)
+        contacts.append(poser.contact_depth(joint.moved))
+    curve = Curve(
+        joint.name,
+        tuple(float(q) for q in positions),
+        tuple(volumes),
+        tuple(depths),
+        tuple(contacts),
+    )
+    return curve, worst
+
+
+def deepest_of(found: dict[Pair, Overlap], position: float = 0.0) -> Worst:
+    """Return the deepest of some overlaps; only the thickest two are measured exactly."""
+    thickest = sorted(found, key=lambda p: found[p].thickness, reverse=True)[:2]
+    worst = Worst(position=position)
+    for pair in thickest:
+        solid = found[pair].solid
+        assert solid is not None  # empty overlaps are not kept
+        worst = max(
+            worst,
+            Worst(found[pair].volume, depth(solid), pair, position),
+            key=lambda w: w.depth,
+        )
+    return worst
+
+
+def _joint_rows(
+    subject: Subject, joint: DrivenJoint, curve: Curve, worst: Worst
+) -> list[CheckResult]:
+    limit = LIMIT * subject.size
+    detail = "no overlap anywhere in the range"
+    if worst.volume:
+        detail = f"{_names(subject, worst.pair)} at {worst.position:.4g} {joint.unit}, "
+        detail += f"{worst.volume:.3g} units^3"
+    phantom = [
+        max(0.0, c - d) for c, d in zip(curve.contact_depth, curve.overlap_depth, strict=True)
+    ]
+    at = curve.positions[int(np.argmax(phantom))]
+    said = f"contact of convex pieces beyond the true surfaces, most at {at:.4g} {joint.unit}"
+    return [
+        row("overlap", joint.name, worst.depth, limit, "units", detail),
+        row("phantom contact", joint.name, max(phantom), limit, "units", said),
+    ]
+
+
+def _names(subject: Subject, pair: Pair) -> str:
+    return " and ".join(subject.body(b) for b in pair)
+
+
+def _random_row(poser: Poser, count: int) -> CheckResult:
+    """Return the deepest overlap over random joint combinations."""
+    rng = np.random.default_rng(0)
+    joints, worst = poser.subject.joints, Worst()
+    for _ in range(count):
+        drawn = {j.qpos: float(rng.uniform(j.low, j.high)) for j in joints}
+        poser.pose(poser.subject.at(drawn))
+        worst = max(worst, deepest_of(poser.overlaps(poser.pairs)), key=lambda w: w.depth)
+    detail = f"{count} random joint combinations"
+    if worst.volume:
+        detail += f", worst {_names(poser.subject, worst.pair)}, {worst.volume:.3g} units^3"
+    return row("overlap", "", worst.depth, LIMIT * poser.subject.size, "units", detail)

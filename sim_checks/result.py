@@ -1,0 +1,155 @@
+"""What a check says: one row per finding, one report per model."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Literal
+
+Status = Literal["pass", "fail", "skipped", "incomplete"]
+WORST: tuple[Status, ...] = ("fail", "incomplete", "pass", "skipped")  # first found wins
+
+
+@dataclass(frozen=True)
+class CheckResult:
+    """One measured number beside its limit.
+
+    Attributes:
+        name: the check.  subject: joint, part, file or pair it is about; "" = whole model.
+        status: incomplete = it could not be measured.  value, limit, unit: None when not numeric.
+        detail: one sentence for people.
+    """
+
+    name: str
+    subject: str
+    status: Status
+    value: float | None = None
+    limit: float | None = None
+    unit: str = ""
+    detail: str = ""
+
+    def to_dict(self) -> dict[str, object]:
+        """Return plain values for JSON."""
+        return {
+            "name": self.name,
+            "subject": self.subject,
+            "status": self.status,
+            "value": self.value,
+            "limit": self.limit,
+            "unit": self.unit,
+            "detail": self.detail,
+        }
+
+
+@dataclass(frozen=True)
+class Curve:
+    """Exact overlap and engine contact along one joint.
+
+    Attributes:
+        joint: name.  positions: rad or units.  overlap_volume: units^3.
+        overlap_depth, contact_depth: units; contact = what the engine's convex hulls report.
+    """
+
+    joint: str
+    positions: tuple[float, ...]
+    overlap_volume: tuple[float, ...]
+    overlap_depth: tuple[float, ...]
+    contact_depth: tuple[float, ...]
+
+    def to_dict(self) -> dict[str, object]:
+        """Return plain lists for JSON."""
+        return {
+            "joint": self.joint,
+            "positions": list(self.positions),
+            "overlap_volume": list(self.overlap_volume),
+            "overlap_depth": list(self.overlap_depth),
+            "contact_depth": list(self.contact_depth),
+        }
+
+
+@dataclass(frozen=True)
+class CheckReport:
+    """All results of one model.
+
+    Attributes:
+        path: what was checked.  engine: name and version.  results: rows.  joints: names tested.
+        curves: sweep of every joint.  losses: optimiser's losses beside measured numbers, per part.
+        notes: what was substituted, decimated or left out.  seconds: wall time.
+    """
+
+    path: str
+    engine: str
+    results: tuple[CheckResult, ...]
+    joints: tuple[str, ...] = ()
+    curves: tuple[Curve, ...] = ()
+    losses: tuple[dict[str, object], ...] = ()
+    notes: tuple[str, ...] = ()
+    seconds: float = 0.0
+    size: float = field(default=float("nan"))
+
+    @property
+    def ok(self) -> bool:
+        """True when nothing failed and nothing was left unmeasured."""
+        return all(r.status in ("pass", "skipped") for r in self.results)
+
+    @property
+    def exit_code(self) -> int:
+        """0 when ok, else 1."""
+        return 0 if self.ok else 1
+
+    def verdict(self, joint: str) -> Status:
+        """Return the worst status among the rows about a joint."""
+        return worst([r for r in self.results if r.subject == joint])
+
+    def to_dict(self) -> dict[str, object]:
+        """Return plain values for report.json."""
+        return {
+            "path": self.path,
+            "engine": self.engine,
+            "ok": self.ok,
+            "exit_code": self.exit_code,
+            "size": self.size if self.size == self.size else None,
+            "seconds": round(self.seconds, 3),
+            "joints": {name: self.verdict(name) for name in self.joints},
+            "checks": [r.to_dict() for r in self.results],
+            "curves": [c.to_dict() for c in self.curves],
+            "losses": list(self.losses),
+            "notes": list(self.notes),
+        }
+
+
+def worst(results: list[CheckResult]) -> Status:
+    """Return the worst status of some rows; skipped when there are none."""
+    found = {r.status for r in results}
+    return next((s for s in WORST if s in found), "skipped")
+
+
+def format_text(report: CheckReport) -> str:
+    """Return the report as lines for a terminal, failures last so that they stay in sight."""
+    order = {"skipped": 0, "pass": 1, "incomplete": 2, "fail": 3}
+    lines = [f"{report.path} ({report.engine}, {report.seconds:.1f} s)"]
+    for r in sorted(report.results, key=lambda r: order[r.status]):
+        numbers = "" if r.value is None else f" {r.value:.4g}"
+        numbers += "" if r.limit is None else f" (limit {r.limit:.4g})"
+        unit = f" {r.unit}" if r.unit and numbers else ""
+        lines.append(
+            f"  {r.status:<10} {r.name:<16} {r.subject:<18}{numbers}{unit}  {r.detail}".rstrip()
+        )
+    lines += [f"  note: {note}" for note in report.notes]
+    lines += [f"  joint {name}: {report.verdict(name)}" for name in report.joints]
+    lines.append(f"  verdict: {'pass' if report.ok else 'FAIL'}")
+    return "\n".join(lines) + "\n"
+
+
+def row(
+    name: str, subject: str, value: float, limit: float, unit: str, detail: str = ""
+) -> CheckResult:
+    """Return a row that passes when value <= limit; NaN fails."""
+    return CheckResult(
+        name,
+        subject,
+        "pass" if value <= limit else "fail",
+        float(value),
+        float(limit),
+        unit,
+        detail,
+    )

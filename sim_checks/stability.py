@@ -1,0 +1,154 @@
+"""Does the end of a motion depend on the time step, the gain or the waiting time."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from part2gs_robotics.sim_checks.actuation import HIGH, LOW, MAX_STEPS, start, warnings_of
+from part2gs_robotics.sim_checks.result import CheckResult, row
+from part2gs_robotics.sim_checks.subject import DrivenJoint, Subject
+
+F64 = NDArray[np.float64]
+SAME_END = 0.01  # of the range
+MOVE, REST = 1.0, 1.0  # s of ramp and of waiting
+HALVINGS = (1, 2, 4)
+GAIN = 100.0  # on the stiffness; its root on the damping keeps the damping ratio
+HOLD_TIME = 3.0  # s
+DRIFT = 1e-3  # of the range during the last second of holding
+ENERGY = 0.01  # of the weight times the size: what rounding and soft contacts may add
+COMMANDS = 50  # of one ramp
+
+
+@dataclass(frozen=True)
+class End:
+    """Where a joint came to rest, and the warnings on the way."""
+
+    position: float
+    warnings: tuple[str, ...]
+
+
+def check_stability(subject: Subject) -> list[CheckResult]:
+    """Return one row per joint and per variation of step and gain, plus hold and energy rows."""
+    rows: list[CheckResult] = []
+    for joint in subject.joints:
+        if joint.servo < 0 or not joint.span > 0:
+            continue  # the actuation rows already say so
+        if (MOVE + REST) * HALVINGS[-1] / subject.model.opt.timestep > MAX_STEPS:
+            why = f"time step {subject.model.opt.timestep:.2g} s is too small to halve twice"
+            rows.append(CheckResult("time step", joint.name, "incomplete", detail=why))
+            continue
+        rows += _vary(subject, joint)
+    return [*rows, *_hold(subject), *_energy(subject)]
+
+
+def _vary(subject: Subject, joint: DrivenJoint) -> list[CheckResult]:
+    step = subject.model.opt.timestep
+    ends = {n: run_to_end(subject, joint, step / n, 1.0) for n in HALVINGS}
+    stiff = run_to_end(subject, joint, step, GAIN)
+    rows = []
+    for n in HALVINGS[1:]:
+        detail = f"h/{n} = {step / n:.3g} s against h = {step:.3g} s"
+        rows.append(_compare("time step", joint, ends[1], ends[n], detail))
+    rows.append(_compare("gain x 100", joint, ends[1], stiff, f"at h = {step:.3g} s"))
+    return rows
+
+
+def _compare(name: str, joint: DrivenJoint, a: End, b: End, detail: str) -> CheckResult:
+    gap = abs(a.position - b.position) / joint.span
+    said = sorted({*a.warnings, *b.warnings})
+    detail += f": ends at {a.position:.5g} and {b.position:.5g} {joint.unit}"
+    if said or not np.isfinite(gap):
+        detail += f"; {', '.join(said) or 'not finite'}"
+        return CheckResult(name, joint.name, "fail", _known(gap), SAME_END, "of range", detail)
+    return row(name, joint.name, gap, SAME_END, "of range", detail)
+
+
+def _known(value: float) -> float | None:
+    return value if np.isfinite(value) else None
+
+
+def run_to_end(subject: Subject, joint: DrivenJoint, step: float, gain: float) -> End:
+    """Ramp one joint from 5 % to 95 % and return where it rests.
+
+    The model is put back as it was; its own time step and gains are never changed for good.
+    """
+    import mujoco
+
+    model, a = subject.model, joint.servo
+    kept = model.opt.timestep, model.actuator_gainprm.copy(), model.actuator_biasprm.copy()
+    try:
+        model.opt.timestep = step
+        model.actuator_gainprm[a, 0] *= gain
+        model.actuator_biasprm[a, 1] *= gain
+        model.actuator_biasprm[a, 2] *= np.sqrt(gain)
+        data = start(subject, joint, LOW)
+        per_command = max(1, round(MOVE / COMMANDS / step))
+        for k in range(1, COMMANDS + 1):
+            share = LOW + (HIGH - LOW) * k / COMMANDS
+            data.ctrl[a] = joint.low + share * joint.span
+            mujoco.mj_step(model, data, per_command)
+        mujoco.mj_step(model, data, round(REST / step))
+        return End(float(data.qpos[joint.qpos]), warnings_of(data))
+    finally:
+        model.opt.timestep = kept[0]
+        model.actuator_gainprm[:], model.actuator_biasprm[:] = kept[1], kept[2]
+
+
+def _hold(subject: Subject) -> list[CheckResult]:
+    """Hold every observed state with the servos: no creep in the last second."""
+    import mujoco
+
+    rows: list[CheckResult] = []
+    states = {k: v for k, v in subject.states.items() if k.startswith("state_")}
+    model = subject.model
+    for name, qpos in (states or {"reference": model.qpos0}).items():
+        data = mujoco.MjData(model)
+        data.qpos[:] = qpos
+        for joint in subject.joints:
+            if joint.servo >= 0:
+                data.ctrl[joint.servo] = qpos[joint.qpos]
+        mujoco.mj_step(model, data, round((HOLD_TIME - 1.0) / model.opt.timestep))
+        before = data.qpos.copy()
+        mujoco.mj_step(model, data, round(1.0 / model.opt.timestep))
+        said = ", ".join(warnings_of(data))
+        for joint in subject.joints:
+            creep = abs(float(data.qpos[joint.qpos] - before[joint.qpos])) / max(joint.span, 1e-12)
+            detail = f"held at {name} for {HOLD_TIME:g} s{': ' + said if said else ''}"
+            result = row("hold", joint.name, creep, DRIFT, "of range per s", detail)
+            rows.append(result if not said else _failed(result))
+    return rows
+
+
+def _failed(result: CheckResult) -> CheckResult:
+    return CheckResult(
+        result.name, result.subject, "fail", result.value, result.limit, result.unit, result.detail
+    )
+
+
+def _energy(subject: Subject) -> list[CheckResult]:
+    """Let go of all servos at every observed state: nothing may gain energy."""
+    import mujoco
+
+    if not subject.joints:
+        return []
+    model, data = subject.model, mujoco.MjData(subject.model)
+    flags = model.opt.disableflags, model.opt.enableflags
+    try:
+        model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_ACTUATION)
+        model.opt.enableflags |= int(mujoco.mjtEnableBit.mjENBL_ENERGY)
+        mujoco.mj_forward(model, data)
+        first, highest = float(data.energy.sum()), -np.inf
+        for _ in range(40):
+            mujoco.mj_step(model, data, max(1, round(0.05 / model.opt.timestep)))
+            highest = max(highest, float(data.energy.sum()))
+        said = warnings_of(data)
+    finally:
+        model.opt.disableflags, model.opt.enableflags = flags
+    gravity = float(np.linalg.norm(model.opt.gravity)) or 9.81
+    scale = float(model.body_subtreemass[0]) * gravity * subject.size
+    gained = (highest - first) / max(scale, 1e-300)
+    result = row("passive", "", gained, ENERGY, "of m g size", "energy gained in 2 s, servos off")
+    return [_failed(result) if said or not np.isfinite(highest) else result]

@@ -1,0 +1,106 @@
+"""Checks that need no time: meshes, masses, limits, observed states."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from part2gs_robotics.exporters.twin_yaml import TwinSummary
+from part2gs_robotics.sim_checks.interpenetration import LIMIT, Poser, deepest_of
+from part2gs_robotics.sim_checks.result import CheckResult, row
+from part2gs_robotics.sim_checks.subject import Subject
+from part2gs_robotics.solids import defect
+
+TRIANGLE = 1e-6  # relative slack of A + B >= C: the engine's own rounding
+STATES = ("state_0", "state_1")
+
+
+def check_meshes(subject: Subject) -> list[CheckResult]:
+    """Return one row per body: are its true surfaces closed solids."""
+    rows = []
+    for body, meshes in subject.meshes.items():
+        reasons = [reason for mesh in meshes if (reason := defect(mesh)) is not None]
+        faces = sum(len(m.faces) for m in meshes)
+        detail = reasons[0] if reasons else f"closed, {faces} faces"
+        status = "fail" if reasons else "pass"
+        rows.append(CheckResult("mesh", subject.body(body), status, detail=detail))
+    return rows
+
+
+def check_inertia(subject: Subject) -> list[CheckResult]:
+    """Return one row per moving body: positive mass and A + B >= C."""
+    model, rows = subject.model, []
+    for body in sorted({b for joint in subject.joints for b in joint.moved}):
+        low, middle, high = np.sort(model.body_inertia[body])
+        mass = float(model.body_mass[body])
+        gap = float((low + middle - high) / high) if high > 0 else -1.0
+        good = mass > 0 and low > 0 and gap >= -TRIANGLE
+        detail = f"mass {mass:.4g} kg, principal moments {low:.3g} {middle:.3g} {high:.3g}"
+        status = "pass" if good else "fail"
+        rows.append(
+            CheckResult("inertia", subject.body(body), status, gap, 0.0, "(A+B-C)/C >=", detail)
+        )
+    return rows
+
+
+def check_limits(subject: Subject) -> list[CheckResult]:
+    """Return one row per joint: a range that is one and holds the observed states."""
+    rows = []
+    for joint in subject.joints:
+        seen = {k: float(v[joint.qpos]) for k, v in subject.states.items() if k in STATES}
+        slack = 1e-6 * max(joint.span, 1e-12)
+        outside = [
+            f"{k} = {q:.4g}"
+            for k, q in seen.items()
+            if not joint.low - slack <= q <= joint.high + slack
+        ]
+        declared = bool(subject.model.jnt_limited[joint.index])
+        detail = f"{joint.low:.4g} .. {joint.high:.4g} {joint.unit}"
+        detail += "" if declared else " (none declared)"
+        detail += f"; outside: {', '.join(outside)}" if outside else ""
+        bad = bool(outside) or not joint.span > 0
+        rows.append(CheckResult("limits", joint.name, "fail" if bad else "pass", detail=detail))
+    return rows
+
+
+def check_states(subject: Subject, required: bool) -> list[CheckResult]:
+    """Return one row per observed state: its keyframe exists and nothing overlaps there."""
+    rows, poser = [], Poser(subject)
+    for name in STATES:
+        if name not in subject.states:
+            status = "fail" if required and subject.joints else "skipped"
+            rows.append(CheckResult("observed state", name, status, detail="no such keyframe"))
+            continue
+        poser.pose(subject.states[name])
+        found = poser.overlaps(poser.pairs)
+        worst = deepest_of(found)
+        detail = "no overlap"
+        if found:
+            pair = " and ".join(subject.body(b) for b in worst.pair)
+            detail = f"{pair} overlap by {worst.volume:.3g} units^3"
+        limit = LIMIT * subject.size
+        rows.append(row("observed state", name, worst.depth, limit, "units", detail))
+    return rows
+
+
+def losses_table(
+    subject: Subject, summary: TwinSummary | None, results: list[CheckResult]
+) -> list[dict[str, object]]:
+    """Return the optimiser's losses beside the measured overlap, one entry per moving part."""
+    if summary is None:
+        return []
+    table: list[dict[str, object]] = []
+    for joint in subject.joints:
+        part = subject.body(int(subject.model.jnt_bodyid[joint.index]))
+        losses = summary.diagnostics(part)
+        depth = [r.value for r in results if r.name == "overlap" and r.subject == joint.name]
+        table.append(
+            {
+                "part": part,
+                "joint": joint.name,
+                "contact_loss": losses.get("contact_loss"),
+                "overlap_depth": depth[0] if depth else None,
+                "vector_field_loss": losses.get("vector_field_loss"),
+                "motion_residual": losses.get("motion_residual"),
+            }
+        )
+    return table
