@@ -22,6 +22,15 @@ BOTH = pytest.mark.parametrize("paper", [False, True])
 RNG = np.random.default_rng(0)
 
 
+@pytest.fixture(autouse=True)
+def one_thread():
+    """Arrays of a dozen rows: handing them between threads costs more than the sums."""
+    threads = torch.get_num_threads()
+    torch.set_num_threads(1)
+    yield
+    torch.set_num_threads(threads)
+
+
 def tensor(array, grad=False):
     return torch.tensor(np.asarray(array, float), dtype=torch.float64, requires_grad=grad)
 

@@ -20,6 +20,15 @@ from part2gs_robotics.parts import (
 from part2gs_robotics.se3 import quat_from_rotation, rotation_from_rotvec
 
 
+@pytest.fixture(autouse=True)
+def one_thread():
+    """Arrays of a dozen rows: handing them between threads costs more than the sums."""
+    threads = torch.get_num_threads()
+    torch.set_num_threads(1)
+    yield
+    torch.set_num_threads(threads)
+
+
 def random_identity(seed, n=12, d=5, parts=3):
     rng = np.random.default_rng(seed)
     arrays = rng.normal(size=(n, d)), rng.normal(size=(parts, d)), rng.normal(size=parts)
