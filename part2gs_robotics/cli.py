@@ -1,0 +1,118 @@
+"""part2gs-robot: parse, call one room, turn what happened into an exit code."""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+import tempfile
+import time
+import traceback
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from types import FrameType
+from typing import cast
+
+from part2gs_robotics import __version__
+from part2gs_robotics.config import Config, resolve
+from part2gs_robotics.errors import Part2GSError
+from part2gs_robotics.flags import Call, parse
+
+OK, FAILED, BAD_INPUT, OUR_BUG, INTERRUPTED = 0, 1, 2, 3, 130
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run one command and return its exit code; never raises for bad input.
+
+    Args:
+        argv: words after the program's name; None = those of this process.
+    """
+    try:
+        with _sigterm_as_interrupt():
+            call = parse(sys.argv[1:] if argv is None else argv)
+            return RUN[call.command](call)
+    except SystemExit as done:  # --help and --version
+        return int(done.code or 0)
+    except Part2GSError as err:
+        sys.stderr.write(f"error: {err}\n")
+        return BAD_INPUT
+    except KeyboardInterrupt:
+        sys.stderr.write("interrupted; finished stages are kept, the same command continues\n")
+        return INTERRUPTED
+    except BrokenPipeError:  # the reader of our output went away: nobody is left to tell
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return INTERRUPTED
+    except Exception as err:
+        sys.stderr.write(f"internal error: {type(err).__name__}: {str(err)[:300]}\nThis is a bug of "
+                         f"part2gs-robotics {__version__}, not of the scene. The traceback is in "
+                         f"{_write_traceback()}; please report it with that file.\n")
+        return OUR_BUG
+
+
+@contextmanager
+def _sigterm_as_interrupt() -> Iterator[None]:
+    """Let a polite kill take the way of Ctrl-C: locks and temporary files are cleaned up."""
+
+    def stop(number: int, frame: FrameType | None) -> None:
+        raise KeyboardInterrupt
+
+    try:
+        before = signal.signal(signal.SIGTERM, stop)
+    except ValueError:  # not the main thread: whoever started it owns the signals
+        yield
+        return
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)
+
+
+def _write_traceback() -> str:
+    handle, path = tempfile.mkstemp(prefix="part2gs-robot-error-", suffix=".log")
+    with os.fdopen(handle, "w", encoding="utf-8") as file:
+        file.write(f"part2gs-robotics {__version__}, {time.strftime('%Y-%m-%d %H:%M:%S')}\n"
+                   f"{' '.join(sys.argv)}\n\n{traceback.format_exc()}")
+    return path
+
+
+def _build(call: Call) -> int:
+    from part2gs_robotics.build import build
+    from part2gs_robotics.readers import read_scene_yaml
+
+    scene = Path(call.paths[0])
+    config = resolve(call.flags, read_scene_yaml(scene), str(scene / "scene.yaml"))
+    return build(scene, config)
+
+
+def _check(call: Call) -> int:
+    from part2gs_robotics.log import logging_to
+    from part2gs_robotics.sim_checks import check
+    from part2gs_robotics.sim_checks.result import format_text
+
+    config: Config = resolve(call.flags)
+    with logging_to(None, config.output.quiet, config.output.verbose):
+        report = check(Path(call.paths[0]))
+    sys.stdout.write(format_text(report).rstrip() + "\n")
+    return report.exit_code
+
+
+def _capture(call: Call) -> int:
+    from part2gs_robotics.capture import capture
+    from part2gs_robotics.log import logging_to
+
+    flags = dict(call.flags)
+    quiet, verbose = bool(flags.pop("quiet", False)), bool(flags.pop("verbose", False))
+    numbers = {name: cast(int, flags.get(name, default))
+               for name, default in (("views", 64), ("test_views", 0), ("size", 400), ("seed", 0))}
+    with logging_to(None, quiet, verbose):
+        done = capture(Path(call.paths[0]), Path(call.paths[1]), depth=bool(flags.get("depth")),
+                       **numbers)
+    if not quiet:
+        sys.stdout.write(f"{done.scene}: {done.frames} images, {len(done.joints)} moving joints "
+                         f"({', '.join(done.joints)}), {done.seconds:.1f} s; truth in "
+                         f"{done.truth}\n")
+    return OK
+
+
+RUN: dict[str, Callable[[Call], int]] = {"build": _build, "check": _check, "capture": _capture}

@@ -1,0 +1,172 @@
+"""Command line built from the settings: every field of a room is a flag, its string the help."""
+
+from __future__ import annotations
+
+import argparse
+import difflib
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NoReturn, cast, get_args, get_origin
+
+from part2gs_robotics import __version__
+from part2gs_robotics.config import PRESETS, Option, Value, convert, options
+from part2gs_robotics.errors import ConfigError
+
+
+@dataclass(frozen=True)
+class Command:
+    """A sub-command.
+
+    Attributes:
+        summary: first line of its help.
+        paths: names of the paths it takes.
+        rooms: rooms of the configuration whose flags it uses.
+        extra: further flags: name -> setting of its own.
+    """
+
+    summary: str
+    paths: tuple[str, ...]
+    rooms: tuple[str, ...]
+    extra: tuple[Option, ...] = ()
+
+
+def _own(name: str, kind: type, default: Value, doc: str) -> Option:
+    return Option(name, (), (kind,), default, doc)
+
+
+COMMANDS = {
+    "build": Command("two-state photos in, MuJoCo-checked twin out", ("SCENE",),
+                     ("read", "fit", "articulate", "mesh", "check", "output")),
+    "check": Command("the simulator checks alone, on a twin folder or MJCF file", ("PATH",),
+                     ("check",)),
+    "capture": Command("render a two-state scene with ground truth from an MJCF or URDF model",
+                       ("MODEL", "SCENE"), (),
+                       (_own("views", int, 64, "training views per state"),
+                        _own("test_views", int, 0, "further views per state that no fit may use"),
+                        _own("size", int, 400, "image side in pixels"),
+                        _own("seed", int, 0, "places of the cameras"),
+                        _own("depth", bool, False, "also write 16-bit depth images"))),
+}
+ALWAYS = ("quiet", "verbose")
+SHORT = {"out": "-o"}
+EXIT_CODES = """exit codes: 0 built and all checks pass; 1 built or checked, but physics fails;
+2 bad usage or input; 3 internal error; 130 interrupted (the same command continues)"""
+
+
+@dataclass(frozen=True)
+class Call:
+    """A parsed command line: command, its paths, and the settings that were given."""
+
+    command: str
+    paths: tuple[str, ...]
+    flags: dict[str, Value]
+
+
+class _Parser(argparse.ArgumentParser):
+    def error(self, message: str) -> NoReturn:
+        """Raise instead of printing usage: every error takes one way out."""
+        raise ConfigError(f"command line: {message}. Expected {self.usage}; see --help.")
+
+
+def parse(argv: Sequence[str]) -> Call:
+    """Return the parsed command line; flags may stand anywhere.
+
+    Raises:
+        ConfigError: unknown command or flag, wrong number of paths, or a value that does not fit.
+        SystemExit: after --help or --version.
+    """
+    name = next((word for word in argv if word in COMMANDS), "")
+    found, unknown = _parser(name).parse_known_intermixed_args(list(argv))
+    words = cast("list[str]", found.words)
+    if not words or words[0] not in COMMANDS:
+        raise ConfigError(f"command line: no command ({' '.join(words)[:60] or 'empty'}). Expected "
+                          f"one of {', '.join(COMMANDS)}; for example: part2gs-robot build scene/.")
+    command = COMMANDS[words[0]]
+    available = command_options(words[0])
+    if unknown:
+        _refuse_unknown(unknown[0], words[0], available)
+    if len(words) - 1 != len(command.paths):
+        raise ConfigError(f"command line: {words[0]} got {len(words) - 1} paths. Expected "
+                          f"{' '.join(command.paths)}; see part2gs-robot {words[0]} --help.")
+    given = {key: value for key, value in vars(found).items()
+             if key != "words" and value is not None}
+    return Call(words[0], tuple(words[1:]),
+                {key: _from_text(available[key], value) for key, value in given.items()})
+
+
+def command_options(name: str) -> dict[str, Option]:
+    """Return the settings one command uses, by name."""
+    command = COMMANDS[name]
+    found = {key: option for key, option in options().items()
+             if set(option.rooms) & set(command.rooms) or key in ALWAYS}
+    return found | {option.name: option for option in command.extra}
+
+
+def _parser(name: str) -> _Parser:
+    listing = "\n".join(f"  {key} {' '.join(command.paths):14s} {command.summary}"
+                        for key, command in COMMANDS.items())
+    paths = " ".join(COMMANDS[name].paths) if name else "PATH..."
+    parser = _Parser(
+        prog="part2gs-robot", allow_abbrev=False,
+        usage=f"part2gs-robot {name or 'COMMAND'} {paths} [flags in any order]",
+        description=f"commands:\n{listing}", epilog=EXIT_CODES,
+        formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("words", nargs="*", help=argparse.SUPPRESS)
+    parser.add_argument("--version", action="version", version=f"part2gs-robot {__version__}")
+    groups: dict[str, argparse._ArgumentGroup] = {}
+    for option in command_options(name).values() if name else ():
+        room = option.rooms[0] if option.rooms else name
+        group = groups.setdefault(room, parser.add_argument_group(room)) \
+            if room not in groups else groups[room]
+        _add_flag(group, option)
+    return parser
+
+
+def _add_flag(group: argparse._ArgumentGroup, option: Option) -> None:
+    names = [option.flag, *([SHORT[option.name]] if option.name in SHORT else [])]
+    shown = "" if option.default is None else f" (default: {_shown(option.default)})"
+    text = f"{option.doc}{shown}".replace("%", "%%")
+    kind = option.kinds[0]
+    if kind is bool:
+        group.add_argument(*names, action=argparse.BooleanOptionalAction, default=None, help=text)
+    elif get_origin(kind) is tuple:
+        group.add_argument(*names, nargs=3, metavar=("X", "Y", "Z"), help=text)
+    else:
+        values = "|".join(map(str, get_args(kind)))
+        group.add_argument(*names, metavar=values or option.name.upper(), help=text)
+
+
+def _shown(value: Value) -> str:
+    return {True: "on", False: "off"}[value] if isinstance(value, bool) else str(value)
+
+
+def _from_text(option: Option, text: object) -> Value:
+    """Return a flag's words as the setting's type."""
+    if isinstance(text, list):
+        return convert(option, [_number(word) for word in text], option.flag)
+    kind = option.kinds[0]
+    value = _number(text) if kind in (int, float) and isinstance(text, str) else text
+    return convert(option, value, option.flag)
+
+
+def _number(text: str) -> object:
+    """Return text as int or float where it is one, so that `convert` judges it like YAML."""
+    for kind in (int, float):
+        try:
+            return kind(text)
+        except ValueError:
+            continue
+    return text
+
+
+def _refuse_unknown(word: str, command: str, available: dict[str, Option]) -> NoReturn:
+    flags = [option.flag for option in available.values()]
+    elsewhere = [key for key in COMMANDS
+                 if word in [option.flag for option in command_options(key).values()]]
+    if elsewhere:
+        raise ConfigError(f"command line: {command} does not use {word}. Expected flags of "
+                          f"{command}; {word} belongs to {', '.join(elsewhere)}.")
+    near = difflib.get_close_matches(word, flags, n=1, cutoff=0.0)[0]
+    raise ConfigError(f"command line: unknown flag {word[:60]}. Nearest valid flag: {near}; see "
+                      f"part2gs-robot {command} --help for all {len(flags)}. Presets: "
+                      f"{', '.join(PRESETS)}.")
