@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from part2gs_robotics.sim_checks.result import CheckResult, row
+from part2gs_robotics.sim_checks.result import CheckResult, passed, row
 from part2gs_robotics.sim_checks.subject import DrivenJoint, Subject
 
 if TYPE_CHECKING:
@@ -116,7 +116,7 @@ def _smooth(s: float) -> float:
 def _judge(subject: Subject, joint: DrivenJoint, trace: Drive) -> list[CheckResult]:
     rows = []
     bad = ", ".join(trace.warnings) or ("" if trace.finite else "NaN")
-    status = "fail" if bad else "pass"
+    status = passed(not bad)
     rows.append(CheckResult("warnings", joint.name, status, detail=bad or "no engine warning"))
     if not trace.finite:
         return [*rows, CheckResult("reach", joint.name, "fail", detail="the simulation blew up")]
@@ -135,7 +135,7 @@ def _reach(joint: DrivenJoint, trace: Drive, q: F64) -> CheckResult:
     up, down = (top - first) / way, (top - q[-1]) / way
     share = float(min(up, down))
     detail = f"rests at {top:.4g} and {q[-1]:.4g} of {joint.low:.4g}..{joint.high:.4g} {joint.unit}"
-    status = "pass" if share >= REACH else "fail"
+    status = passed(share >= REACH)
     return CheckResult("reach", joint.name, status, share, REACH, "of the way", detail)
 
 

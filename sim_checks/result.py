@@ -140,6 +140,11 @@ def format_text(report: CheckReport) -> str:
     return "\n".join(lines) + "\n"
 
 
+def passed(good: bool) -> Status:
+    """Return pass or fail."""
+    return "pass" if good else "fail"
+
+
 def row(
     name: str, subject: str, value: float, limit: float, unit: str, detail: str = ""
 ) -> CheckResult:
@@ -147,7 +152,7 @@ def row(
     return CheckResult(
         name,
         subject,
-        "pass" if value <= limit else "fail",
+        passed(value <= limit),
         float(value),
         float(limit),
         unit,

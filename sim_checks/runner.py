@@ -10,7 +10,7 @@ from pathlib import Path
 from part2gs_robotics.errors import CheckError
 from part2gs_robotics.exporters.twin_yaml import TwinSummary, read_twin_yaml
 from part2gs_robotics.sim_checks.confine import read_confined
-from part2gs_robotics.sim_checks.result import CheckReport, CheckResult, Curve
+from part2gs_robotics.sim_checks.result import CheckReport, CheckResult, Curve, passed
 from part2gs_robotics.sim_checks.subject import Subject
 
 GROUPS = ("compile", "mesh", "inertia", "limits", "states", "actuation", "overlap", "stability")
@@ -100,7 +100,7 @@ def _compile(files: list[Path], messages: list[str]) -> tuple[list[CheckResult],
             rows.append(CheckResult("compile", file.name, "fail", detail=_plain_words(str(error))))
             continue
         said = "; ".join(m.splitlines()[0] for m in messages if m.strip())
-        status = "fail" if said else "pass"
+        status = passed(not said)
         rows.append(CheckResult("compile", file.name, status, detail=said or "no warning"))
     return rows, subject
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from part2gs_robotics.exporters.twin_yaml import TwinSummary
 from part2gs_robotics.sim_checks.interpenetration import LIMIT, Poser, deepest_of
-from part2gs_robotics.sim_checks.result import CheckResult, row
+from part2gs_robotics.sim_checks.result import CheckResult, Status, passed, row
 from part2gs_robotics.sim_checks.subject import Subject
 from part2gs_robotics.solids import defect
 
@@ -21,7 +21,7 @@ def check_meshes(subject: Subject) -> list[CheckResult]:
         reasons = [reason for mesh in meshes if (reason := defect(mesh)) is not None]
         faces = sum(len(m.faces) for m in meshes)
         detail = reasons[0] if reasons else f"closed, {faces} faces"
-        status = "fail" if reasons else "pass"
+        status = passed(not reasons)
         rows.append(CheckResult("mesh", subject.body(body), status, detail=detail))
     return rows
 
@@ -35,7 +35,7 @@ def check_inertia(subject: Subject) -> list[CheckResult]:
         gap = float((low + middle - high) / high) if high > 0 else -1.0
         good = mass > 0 and low > 0 and gap >= -TRIANGLE
         detail = f"mass {mass:.4g} kg, principal moments {low:.3g} {middle:.3g} {high:.3g}"
-        status = "pass" if good else "fail"
+        status = passed(good)
         rows.append(
             CheckResult("inertia", subject.body(body), status, gap, 0.0, "(A+B-C)/C >=", detail)
         )
@@ -58,7 +58,7 @@ def check_limits(subject: Subject) -> list[CheckResult]:
         detail += "" if declared else " (none declared)"
         detail += f"; outside: {', '.join(outside)}" if outside else ""
         bad = bool(outside) or not joint.span > 0
-        rows.append(CheckResult("limits", joint.name, "fail" if bad else "pass", detail=detail))
+        rows.append(CheckResult("limits", joint.name, passed(not bad), detail=detail))
     return rows
 
 
@@ -67,7 +67,7 @@ def check_states(subject: Subject, required: bool) -> list[CheckResult]:
     rows, poser = [], Poser(subject)
     for name in STATES:
         if name not in subject.states:
-            status = "fail" if required and subject.joints else "skipped"
+            status: Status = "fail" if required and subject.joints else "skipped"
             rows.append(CheckResult("observed state", name, status, detail="no such keyframe"))
             continue
         poser.pose(subject.states[name])
