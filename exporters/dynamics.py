@@ -9,6 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+
 from part2gs_robotics.exporters.inertia import (
     F64,
     MassProperties,
@@ -17,7 +18,6 @@ from part2gs_robotics.exporters.inertia import (
     mass_properties,
     moment_about_axis,
 )
-
 from part2gs_robotics.joints import Joint
 from part2gs_robotics.kinematics import moving_parts, subtree
 from part2gs_robotics.twin import Twin

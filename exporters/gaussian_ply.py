@@ -7,8 +7,8 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from part2gs_robotics.exporters.xmlio import write_bytes_atomic
 
+from part2gs_robotics.atomic import write_bytes_atomic
 from part2gs_robotics.errors import ExportError
 from part2gs_robotics.gaussians import Gaussians
 

@@ -6,8 +6,8 @@ import re
 from pathlib import Path
 
 import numpy as np
-from part2gs_robotics.exporters.xmlio import write_bytes_atomic
 
+from part2gs_robotics.atomic import write_bytes_atomic
 from part2gs_robotics.errors import ExportError
 from part2gs_robotics.twin import Part, PartMesh, Twin
 

@@ -6,11 +6,11 @@ import xml.etree.ElementTree as ET
 from pathlib import Path
 
 import numpy as np
+
 from part2gs_robotics.exporters.dynamics import JointDynamics, Physics, physics_of
 from part2gs_robotics.exporters.inertia import F64, MassProperties
 from part2gs_robotics.exporters.meshfile import mean_rgba, piece_name, visual_name, write_meshes
 from part2gs_robotics.exporters.xmlio import add, write_xml
-
 from part2gs_robotics.joints import Joint
 from part2gs_robotics.kinematics import children, moves, moving_parts, part_transforms
 from part2gs_robotics.solids import bounds

@@ -6,12 +6,12 @@ import xml.etree.ElementTree as ET
 from pathlib import Path
 
 import numpy as np
+
 from part2gs_robotics.exporters.dynamics import Physics, physics_of
 from part2gs_robotics.exporters.inertia import F64, MassProperties
 from part2gs_robotics.exporters.meshfile import mean_rgba, piece_name, visual_name, write_meshes
 from part2gs_robotics.exporters.mjcf import joint_name
 from part2gs_robotics.exporters.xmlio import add, numbers, write_xml
-
 from part2gs_robotics.kinematics import moves
 from part2gs_robotics.twin import Part, Twin
 

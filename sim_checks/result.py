@@ -30,13 +30,14 @@ class CheckResult:
     def to_dict(self) -> dict[str, object]:
         """Return plain values for JSON."""
         return {
-            "name": self.name,
+            "name": f"{self.name}: {self.subject}" if self.subject else self.name,
+            "check": self.name,
             "subject": self.subject,
             "status": self.status,
             "value": self.value,
             "limit": self.limit,
             "unit": self.unit,
-            "detail": self.detail,
+            "note": self.detail,
         }
 
 

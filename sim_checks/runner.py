@@ -9,7 +9,7 @@ from pathlib import Path
 
 from part2gs_robotics.errors import CheckError
 from part2gs_robotics.exporters.twin_yaml import TwinSummary, read_twin_yaml
-from part2gs_robotics.sim_checks.confine import read_confined
+from part2gs_robotics.model_files import check_model_files
 from part2gs_robotics.sim_checks.result import CheckReport, CheckResult, Curve, passed
 from part2gs_robotics.sim_checks.subject import Subject
 
@@ -89,7 +89,7 @@ def _compile(files: list[Path], messages: list[str]) -> tuple[list[CheckResult],
     rows: list[CheckResult] = []
     subject = None
     for i, file in enumerate(files):
-        read_confined(file)
+        check_model_files(file)
         messages.clear()
         try:
             if i == 0:
