@@ -153,6 +153,31 @@ def geman_mcclure(squared: Tensor, sigma: float) -> Tensor:
     return squared / (squared + sigma**2)
 
 
+def grid_signed_distance(grid: Tensor, origin: Tensor, voxel: float) -> SignedDistance:
+    """Return the trilinear signed distance of a [X, Y, Z] grid, constant beyond its border.
+
+    Args:
+        grid: [X, Y, Z] distances in scene units, negative inside; each side >= 2.
+        origin: [3] world position of node (0, 0, 0).
+        voxel: node spacing, scene units.
+    """
+    last = torch.tensor(grid.shape, dtype=grid.dtype) - 1.0
+
+    def distance(points: Tensor) -> Tensor:
+        place = torch.minimum(((points - origin) / voxel).clamp_min(0.0), last)
+        low = torch.minimum(place.detach().floor(), last - 1.0)
+        x, y, z = (place - low).unbind(-1)
+        i, j, k = low.long().unbind(-1)
+        plane = [
+            (1 - z) * ((1 - y) * grid[i + a, j, k] + y * grid[i + a, j + 1, k])
+            + z * ((1 - y) * grid[i + a, j, k + 1] + y * grid[i + a, j + 1, k + 1])
+            for a in (0, 1)
+        ]
+        return (1 - x) * plane[0] + x * plane[1]
+
+    return distance
+
+
 def moved_points(
     points: Tensor, axis: Tensor, origin: Tensor, turns: Tensor, slides: Tensor
 ) -> Tensor:

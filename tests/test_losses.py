@@ -11,6 +11,7 @@ from part2gs_robotics.losses import (
     best_rotation,
     contact_loss,
     geman_mcclure,
+    grid_signed_distance,
     moved_points,
     rotation_angle,
     vector_field_loss,
@@ -80,30 +81,22 @@ def test_gradients_of_pair_losses(paper, seed):
         lambda *x: vector_field_loss(*x, sigma=0.5, paper=paper), p0, p1, rots, trans, w
     )
     start, goal = rotation(rng.normal(size=3)), rotation(rng.normal(size=3))
-    assert_gradients(
-        lambda r, t, a, b: articulation_loss(r, t, a, b, goal, 0.3, 0.5, paper),
-        start.requires_grad_(),
-        trans[0].detach().requires_grad_(),
-        p0,
-        p1,
-    )
+    start.requires_grad_()
+    shift = tensor(rng.normal(size=3), True)
+    assert_gradients(lambda *x: articulation_loss(*x, goal, 0.3, 0.5, paper), start, shift, p0, p1)
 
 
 @pytest.mark.parametrize("seed", range(5))
 def test_gradients_of_contact_through_the_joint(seed):
     rng = np.random.default_rng(seed)
-    points = tensor(rng.normal(size=(9, 3)))
+    points = tensor(rng.normal(size=(9, 3)), True)
+    axis, origin = tensor(rng.normal(size=3), True), tensor(rng.normal(size=3), True)
     turns, slides = tensor([0.0, 0.4, 1.0]), tensor([0.0, 0.1, 0.2])
 
-    def swept(axis, origin, margin_points):
-        return contact_loss(moved_points(margin_points, axis, origin, turns, slides), sdf=ball)
+    def swept(*x):
+        return contact_loss(moved_points(*x, turns, slides), sdf=ball)
 
-    assert_gradients(
-        swept,
-        tensor(rng.normal(size=3), True),
-        tensor(rng.normal(size=3), True),
-        points.requires_grad_(),
-    )
+    assert_gradients(swept, points, axis, origin)
     static = tensor(rng.normal(size=(6, 3)), True)
     assert_gradients(lambda p, s: contact_loss(p, s, paper=True), points, static)
 
@@ -186,9 +179,8 @@ def test_contact_hinge_closed_form_and_margin():
 
 def test_contact_hinge_averages_over_joint_values():
     points = tensor([[2.0, 0, 0]])
-    swept = moved_points(
-        points, tensor([1.0, 0, 0]), tensor([0.0, 0, 0]), tensor([0.0, 0.0]), tensor([0.0, -1.5])
-    )
+    axis, still = tensor([1.0, 0, 0]), tensor([0.0, 0, 0])
+    swept = moved_points(points, axis, still, tensor([0.0, 0.0]), tensor([0.0, -1.5]))
     assert contact_loss(swept, sdf=ball).item() == pytest.approx(0.5**2 / 2)
 
 
@@ -246,6 +238,18 @@ def test_moved_points_agree_with_screw_motion():
         np.testing.assert_allclose(got, points @ motion[:3, :3].T + motion[:3, 3], atol=1e-12)
 
 
+def test_grid_distance_is_exact_for_linear_fields_and_constant_outside():
+    origin, voxel = tensor([-1.0, -1, -1]), 0.25
+    nodes = torch.stack(torch.meshgrid(*(torch.arange(n) for n in (9, 7, 5)), indexing="ij"), -1)
+    slope = tensor([1.0, -2, 0.5])
+    sdf = grid_signed_distance((nodes * voxel + origin) @ slope, origin, voxel)
+    inside = tensor(RNG.uniform(-1, 0, size=(40, 3)), True)
+    torch.testing.assert_close(sdf(inside), inside @ slope)
+    assert_gradients(sdf, inside)
+    far = tensor([[9.0, 9, 9], [-9.0, -9, -9]])
+    torch.testing.assert_close(sdf(far), tensor([[1.0, 0.5, 0.0], [-1.0, -1, -1]]) @ slope)
+
+
 def test_geman_mcclure_limits():
     assert geman_mcclure(tensor([1e-8]), 1.0).item() == pytest.approx(1e-8)
     assert geman_mcclure(tensor([1.0]), 1.0).item() == 0.5
@@ -259,24 +263,14 @@ def test_geman_mcclure_limits():
 @pytest.mark.parametrize("w", [[0, 0, 0], [0, np.pi, 0]])
 @pytest.mark.parametrize("n", [0, 1, 6])
 def test_finite_at_coincident_points_and_half_turns(paper, w, n):
-    for target in ([0, 0, 0], [np.pi, 0, 0], w):
-        r = rotation(w).requires_grad_()
-        t = tensor(np.zeros(3), True)
-        points = tensor(np.ones((n, 3)), True)
+    ones = np.ones((n, 3))
+    for target in (None, [0, 0, 0], [np.pi, 0, 0], w):
+        goal = None if target is None else rotation(target)
+        inputs = rotation(w).requires_grad_(), tensor(np.zeros(3), True)
         assert_finite(
-            lambda *x, g=target: articulation_loss(*x, rotation(g), paper=paper),
-            r,
-            t,
-            points,
-            tensor(np.ones((n, 3)), True),
-        )
-        assert_finite(
-            lambda *x: articulation_loss(*x, paper=paper),
-            r,
-            t,
-            points,
-            tensor(np.ones((n, 3)), True),
-        )
+            lambda *x, g=goal: articulation_loss(*x, g, paper=paper),
+            *inputs, tensor(ones, True), tensor(ones, True),
+        )  # fmt: skip
 
 
 @BOTH
@@ -287,33 +281,27 @@ def test_finite_and_zero_for_empty_parts(paper, parts):
     rots = tensor(np.tile(np.eye(3), (parts, 1, 1)), True)
     trans = tensor(np.ones((parts, 3)), True)
     assert assert_finite(lambda *x: velocity_loss(*x, paper=paper), p0, p1, w) == 0.0
-    assert (
-        assert_finite(lambda *x: vector_field_loss(*x, paper=paper), p0, p1, rots, trans, w) == 0.0
-    )
+    field = p0, p1, rots, trans, w
+    assert assert_finite(lambda *x: vector_field_loss(*x, paper=paper), *field) == 0.0
     nothing = tensor(np.zeros((0, 3)), True)
     assert assert_finite(lambda p: contact_loss(p, p0, sdf=ball, paper=paper), nothing) == 0.0
     assert assert_finite(lambda p: contact_loss(p, p, sdf=ball, paper=paper), p0) >= 0.0
 
 
-def test_all_losses_follow_rigid_motion_of_the_world():
+@BOTH
+def test_losses_follow_rigid_motion_of_the_world(paper):
     rng = np.random.default_rng(5)
-    p0, p1, static = (tensor(rng.normal(size=(8, 3))) for _ in range(3))
+    p0, p1 = (tensor(rng.normal(size=(8, 3))) for _ in range(2))
     w = torch.ones(8, 1, dtype=torch.float64)
+    r, t = rotation([0.1, 0.2, 0.3]), tensor([0.1, 0, 0])
     turn, shift = rotation([0.5, -1, 2]), tensor([3.0, 1.0, -2.0])
+    q0, q1 = p0 @ turn.T + shift, p1 @ turn.T + shift
+    r_q = turn @ r @ turn.T
+    t_q = turn @ t + shift - r_q @ shift
 
-    def world(p):
-        return p @ turn.T + shift
+    def losses(a, b, rot, trans):
+        yield velocity_loss(a, b, w, paper).item()
+        yield vector_field_loss(a, b, rot[None], trans[None], w, 0.5, paper).item()
+        yield contact_loss(a, b, paper=True).item()
 
-    for paper in (False, True):
-        assert velocity_loss(world(p0), world(p1), w, paper).item() == pytest.approx(
-            velocity_loss(p0, p1, w, paper).item()
-        )
-        r, t = rotation([0.1, 0.2, 0.3]), tensor([0.1, 0, 0])
-        r_w = turn @ r @ turn.T
-        t_w = turn @ t + shift - r_w @ shift
-        assert vector_field_loss(
-            world(p0), world(p1), r_w[None], t_w[None], w, 0.5, paper
-        ).item() == pytest.approx(vector_field_loss(p0, p1, r[None], t[None], w, 0.5, paper).item())
-    assert contact_loss(world(p0), world(static), paper=True).item() == pytest.approx(
-        contact_loss(p0, static, paper=True).item()
-    )
+    assert list(losses(q0, q1, r_q, t_q)) == pytest.approx(list(losses(p0, p1, r, t)))
