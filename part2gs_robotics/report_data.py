@@ -59,8 +59,14 @@ class CheckRow:
 
 
 def check_rows(checks: Mapping[str, object]) -> tuple[CheckRow, ...]:
-    """Return every mapping with a `status` inside `checks`, depth first, named by its path."""
+    """Return every mapping with a `status` inside `checks`, by its own `name` or its path."""
     return tuple(_walk_checks(checks, ()))
+
+
+def check_notes(checks: Mapping[str, object]) -> tuple[str, ...]:
+    """Return what the checks substituted, decimated or left out."""
+    notes = checks.get("notes")
+    return tuple(str(note) for note in notes) if isinstance(notes, list | tuple) else ()
 
 
 def assumed_numbers(description: object) -> tuple[str, ...]:
@@ -87,7 +93,7 @@ def _walk_checks(value: object, path: tuple[str, ...]) -> Iterator[CheckRow]:
 def _check_row(entry: Mapping[str, object], path: tuple[str, ...]) -> CheckRow:
     unit = str(entry.get("unit") or "")
     return CheckRow(
-        name=".".join(path) or "verdict",
+        name=str(entry.get("name") or ".".join(path) or "verdict"),
         status=str(entry["status"]),
         value=_quantity(entry.get("value"), unit),
         limit=_quantity(entry.get("limit"), unit),

@@ -38,9 +38,9 @@ def curve_svg(curves: Sequence[Curve], x_label: str, y_label: str) -> str:
     if not clean:
         return ""
     both = np.concatenate([points for _, points in clean])
-    x_ticks = _ticks(0.0, float(both[:, 0].max()))
+    x_ticks = _ticks(min(0.0, float(both[:, 0].min())), max(0.0, float(both[:, 0].max())))
     y_ticks = _ticks(float(both[:, 1].min()), float(both[:, 1].max()))
-    x0, x1 = 0.0, max(x_ticks[-1], float(both[:, 0].max()))
+    x0, x1 = x_ticks[0], max(x_ticks[-1], float(both[:, 0].max()))
     y0, y1 = min(y_ticks[0], both[:, 1].min()), max(y_ticks[-1], both[:, 1].max())
     wide, tall = _WIDTH - _LEFT - _RIGHT, _HEIGHT - _TOP - _BOTTOM
     scale = np.array([wide / (x1 - x0), -tall / (y1 - y0)])

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from html import escape
 
 from part2gs_robotics import __version__
-from part2gs_robotics.report_data import CheckRow, ReportData, check_rows
+from part2gs_robotics.report_data import CheckRow, ReportData, check_notes, check_rows
 from part2gs_robotics.report_figures import bars_html, curve_svg, png_uri
 from part2gs_robotics.report_style import STYLE
 from part2gs_robotics.twin import Part
@@ -24,12 +24,14 @@ def render_html(data: ReportData, assumed: Sequence[str], engines: Mapping[str, 
         _section("Photos and twin", _pictures(data)),
         _section("Joints", _joints(data)),
         _section("Checks in MuJoCo and on the exact meshes", _checks(rows)),
+        _section("Overlap along every joint", _sweeps(data.checks.get("curves"))),
+        _section("Optimiser's losses beside what was measured", _losses(data.checks.get("losses"))),
         _section("Parts", _parts(data)),
         _section("Error against time", _curve(data)),
         _section("Where the time went", bars_html(data.stage_seconds)),
         _section("Plan: what was used and what was left out", _plan(data)),
         _section("Assumed numbers", _bullets(assumed)),
-        _section("Notes", _bullets((*data.twin.notes, *data.notes))),
+        _section("Notes", _bullets((*data.twin.notes, *data.notes, *check_notes(data.checks)))),
         _section("Made with", _pairs({"part2gs-robotics": __version__, **engines})),
     )
     title = escape(data.scene)
@@ -119,6 +121,31 @@ def _checks(rows: Sequence[CheckRow]) -> str:
         for r in worst_first
     ]
     return _table(("check", "status", "measured", "limit", "note"), body)
+
+
+def _sweeps(curves: object) -> str:
+    """Return one chart per joint: exact depth beside what the engine's convex pieces report."""
+    charts = []
+    for curve in curves if isinstance(curves, list) else []:
+        q = curve["positions"]
+        lines = [
+            ("exact meshes", list(zip(q, curve["overlap_depth"], strict=True))),
+            ("engine contacts", list(zip(q, curve["contact_depth"], strict=True))),
+        ]
+        label = f"position of {curve['joint']}, rad or scene units"
+        charts.append(curve_svg(lines, label, "overlap depth, units"))
+    return "".join(charts)
+
+
+def _losses(rows: object) -> str:
+    found = [row for row in rows if isinstance(row, Mapping)] if isinstance(rows, list) else []
+    names = list(dict.fromkeys(key for row in found for key in row))
+    body = [[escape(_cell(row.get(name))) for name in names] for row in found]
+    return _table([escape(name.replace("_", " ")) for name in names], body)
+
+
+def _cell(value: object) -> str:
+    return "—" if value is None else f"{value:.3g}" if isinstance(value, float) else str(value)
 
 
 def _parts(data: ReportData) -> str:

@@ -168,6 +168,27 @@ def test_assumed_numbers_of_twin_yaml_are_listed(tmp_path: Path) -> None:
     assert assumed_numbers(None) == ()
 
 
+def test_sweeps_losses_and_notes_of_the_checks_are_shown(tmp_path: Path) -> None:
+    curve = {
+        "joint": "part_1_joint",
+        "positions": [-0.5, 0.0, 1.0],
+        "overlap_volume": [0.0, 0.0, 0.0],
+        "overlap_depth": [0.0, 0.001, 0.0],
+        "contact_depth": [0.0, 0.004, 0.0],
+    }
+    losses = [{"part": "part_1", "contact_loss": 0.25, "overlap": None}]
+    checks = {
+        "checks": [{"name": "reach: part_1", "status": "pass"}],
+        "curves": [curve], "losses": losses, "notes": ["<decimated>"],
+    }  # fmt: skip
+    _, page = written(tmp_path, report(checks=checks))
+    assert "exact meshes" in page.words
+    assert "position of part_1_joint" in page.words
+    assert "part_10.25—" in page.words
+    assert "<decimated>" in page.words
+    assert "reach: part 1pass" in page.words
+
+
 def test_checks_are_found_at_any_depth() -> None:
     checks = {
         "joints": [{"name": "door", "reach": {"status": "fail", "value": 1.5, "unit": "mm"}}],
@@ -176,6 +197,7 @@ def test_checks_are_found_at_any_depth() -> None:
     }
     rows = check_rows(checks)
     assert [r.name for r in rows] == ["joints.door.reach", "compile", "compile.files"]
+    assert check_rows({"checks": [{"name": "a: b", "status": "pass"}]})[0].name == "a: b"
     assert rows[0].value == "1.5 mm"
 
 
