@@ -1,0 +1,229 @@
+"""Convex pieces: what a physics engine collides instead of the true surface.
+
+Engines take the convex hull of a collision mesh; the hull of a drawer is a full block. A part is
+cut along its own walls until the hull of every piece sticks out no further than a tolerance.
+"""
+
+from __future__ import annotations
+
+import heapq
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from part2gs_robotics.convex_planes import (
+    Cut,
+    Facets,
+    facets,
+    main_directions,
+    wall_cuts,
+    weighted_quantile,
+)
+from part2gs_robotics.solids import require_closed, to_manifold, to_mesh
+from part2gs_robotics.twin import PartMesh
+
+if TYPE_CHECKING:
+    from manifold3d import Manifold
+
+F64 = NDArray[np.float64]
+CONVEX = 0.01  # hull sticks out by less than 1 % of the volume: convex
+STICKS_OUT = 0.5  # of the tolerance, mean over the hull's surface: convex enough
+SIMPLER = 0.25  # of the tolerance: noise below it is not worth a cut
+FEW_FACES = 6000  # cuts cost 10 ms on so many
+CRUMB = 1e-5  # of the volume: dropped
+FILM = 0.2  # of the tolerance: thinner pieces are dropped
+MAX_VERTICES = 64  # of one hull: keeps the engine's support function fast
+SNAP = 0.6  # share of a side that must be one wall for the side to be cut flat
+SHRINK = 0.7  # share of its volume a piece keeps when its sides are cut flat
+
+
+@dataclass(frozen=True)
+class Bound:
+    """How far convex pieces are from the part they stand for.
+
+    Attributes:
+        phantom: volume of the pieces outside the part.  missing: part outside the pieces.
+        volume: of the part, units^3.  phantom_depth: thickest phantom region, 2 volume / surface.
+    """
+
+    phantom: float
+    missing: float
+    volume: float
+    phantom_depth: float
+
+    @property
+    def overlap(self) -> float:
+        """Intersection over union of pieces and part."""
+        inside = self.volume - self.missing
+        return inside / (self.volume + self.phantom)
+
+
+def convex_pieces(
+    mesh: PartMesh, *, tolerance: float, max_pieces: int = 64
+) -> tuple[PartMesh, ...]:
+    """Cut a closed noisy mesh into convex pieces.
+
+    Args:
+        mesh: watertight.
+        tolerance: how far hulls may stick out of the part, scene units; about the grid size.
+        max_pieces: at most so many.
+
+    Returns:
+        Convex meshes in the mean colour of the part; at least one.
+
+    Raises:
+        MeshError: if the mesh is not closed.
+
+    Source: binary space partition along walls, least sum of (hull - volume); planes come from
+        face-area peaks, because a noisy wall has no concave edge to start from.
+    """
+    solid = _simpler(require_closed(mesh, "convex_pieces"), tolerance)
+    leaves = _cut_up(solid, tolerance, max_pieces)
+    red, green, blue = (int(c) for c in mesh.colors.mean(0)) if len(mesh.colors) else (160,) * 3
+    hulls = [_tidy(leaf, tolerance) for leaf in leaves]
+    kept = [h for h in hulls if h.num_tri() >= 4 and h.volume() > CRUMB * solid.volume() / 10]
+    return tuple(to_mesh(h, (red, green, blue)) for h in kept or [solid.hull()])
+
+
+def bound(mesh: PartMesh, pieces: tuple[PartMesh, ...]) -> Bound:
+    """Measure phantom and missing volume of convex pieces, exactly."""
+    import manifold3d
+
+    solid = to_manifold(mesh)
+    hulls = [to_manifold(p).hull() for p in pieces]
+    union = manifold3d.Manifold.batch_boolean(hulls, manifold3d.OpType.Add)
+    phantom = union - solid
+    parts = phantom.decompose() if phantom.volume() > 0 else []
+    depth = max((2 * p.volume() / p.surface_area() for p in parts if p.volume() > 0), default=0.0)
+    missing = max(float((solid - union).volume()), 0.0)
+    return Bound(max(float(phantom.volume()), 0.0), missing, float(solid.volume()), float(depth))
+
+
+def _simpler(solid: Manifold, tolerance: float) -> Manifold:
+    step = SIMPLER * tolerance
+    out = solid.simplify(step)
+    while out.num_tri() > FEW_FACES and step < tolerance:
+        step *= 1.5
+        out = solid.simplify(step)
+    return out if out.volume() > 0 else solid
+
+
+def _cut_up(solid: Manifold, tolerance: float, max_pieces: int) -> list[Manifold]:
+    """Split the most concave piece until all are convex enough or there are too many."""
+    smallest = CRUMB * solid.volume()
+    directions = main_directions(_facets(solid))
+    done: list[Manifold] = []
+    queue: list[tuple[float, int, Manifold]] = []
+    count = 0
+
+    def put(piece: Manifold) -> None:
+        nonlocal count
+        count += 1
+        excess = _excess(piece, tolerance)
+        if excess > 0:
+            heapq.heappush(queue, (-excess, count, piece))
+        else:
+            done.append(piece)
+
+    for piece in solid.decompose():
+        put(piece)
+    while queue and len(queue) + len(done) < max_pieces:
+        piece = heapq.heappop(queue)[2]
+        children = _best_split(piece, directions, tolerance, smallest)
+        if len(children) + len(queue) + len(done) > max_pieces or not children:
+            done.append(piece)
+            continue
+        for child in children:
+            put(child)
+    return done + [piece for _, _, piece in queue]
+
+
+def _facets(solid: Manifold) -> Facets:
+    raw = solid.to_mesh64()
+    return facets(np.array(raw.vert_properties[:, :3]), np.array(raw.tri_verts, np.int64))
+
+
+def _excess(piece: Manifold, tolerance: float) -> float:
+    """Return hull minus volume, 0 when the piece is convex enough."""
+    hull = piece.hull()
+    gap = float(hull.volume() - piece.volume())
+    allowed = max(CONVEX * piece.volume(), STICKS_OUT * tolerance * hull.surface_area())
+    return gap if gap > allowed else 0.0
+
+
+def _best_split(
+    piece: Manifold, directions: F64, tolerance: float, smallest: float
+) -> list[Manifold]:
+    best: list[Manifold] = []
+    least = np.inf
+    for cut in wall_cuts(_facets(piece), directions, tolerance):
+        children = split(piece, cut, tolerance, smallest)
+        if len(children) < 2:
+            continue
+        cost = _cost(children, tolerance)
+        if cost < least:
+            best, least = children, cost
+    return best
+
+
+def split(piece: Manifold, cut: Cut, tolerance: float, smallest: float) -> list[Manifold]:
+    """Return the connected pieces on both sides of a cut, crumbs and films dropped."""
+    normal = cut.normal.tolist()
+    opposite = (-cut.normal).tolist()
+    sides = (piece.trim_by_plane(opposite, -cut.low), piece.trim_by_plane(normal, cut.high))
+    if any(side.volume() < smallest for side in sides):
+        return []
+    parts = [p for side in sides for p in side.decompose()]
+    return [p for p in parts if p.volume() > smallest and _thickness(p) > FILM * tolerance]
+
+
+def _thickness(solid: Manifold) -> float:
+    return 2 * float(solid.volume()) / max(float(solid.surface_area()), 1e-300)
+
+
+def _cost(children: list[Manifold], tolerance: float) -> float:
+    """Return the empty space left in hulls; ties go to the cut that leaves smaller hulls.
+
+    The second term matters for boxes: cutting one board off leaves as much empty space as before.
+    """
+    cost = 0.0
+    for child in children:
+        excess = _excess(child, tolerance)
+        if excess > 0:
+            cost += excess + 0.1 * float(child.hull().volume())
+    return cost
+
+
+def _tidy(piece: Manifold, tolerance: float) -> Manifold:
+    """Return the hull of a piece with its walls cut flat and few corners."""
+    hull = _flat_sides(piece, tolerance).hull()
+    step = 0.05 * tolerance
+    while hull.num_vert() > MAX_VERTICES and step < 4 * tolerance:
+        hull = hull.simplify(step).hull()  # corners are only dropped: the hull can only shrink
+        step *= 1.5
+    return hull
+
+
+def _flat_sides(piece: Manifold, tolerance: float) -> Manifold:
+    """Cut every side that is mostly one noisy wall at the wall's own level.
+
+    The hull of a noisy board touches its highest bumps; its level is the median of the wall.
+    """
+    surface = _facets(piece)
+    out = piece
+    for axis in main_directions(surface):
+        for direction in (axis, -axis):
+            along = surface.normals @ direction
+            offsets = surface.centers @ direction
+            top = float(offsets[along > 0].max(initial=-np.inf))
+            wall = (along > 0.8) & (offsets > top - 2 * tolerance)
+            front = float((surface.areas * np.maximum(along, 0)).sum())
+            if not wall.any() or float(surface.areas[wall] @ along[wall]) < SNAP * front:
+                continue
+            level = weighted_quantile(offsets[wall], surface.areas[wall], 0.5)
+            trimmed = out.trim_by_plane((-direction).tolist(), -level)
+            if trimmed.volume() > SHRINK * out.volume():
+                out = trimmed
+    return out
