@@ -17,7 +17,7 @@ from typing import cast
 from part2gs_robotics import __version__
 from part2gs_robotics.config import Config, resolve
 from part2gs_robotics.errors import Part2GSError
-from part2gs_robotics.flags import Call, parse
+from part2gs_robotics.flags import Call, command_options, parse
 
 OK, FAILED, BAD_INPUT, OUR_BUG, INTERRUPTED = 0, 1, 2, 3, 130
 
@@ -44,9 +44,9 @@ def main(argv: Sequence[str] | None = None) -> int:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return INTERRUPTED
     except Exception as err:
-        sys.stderr.write(f"internal error: {type(err).__name__}: {str(err)[:300]}\nThis is a bug of "
-                         f"part2gs-robotics {__version__}, not of the scene. The traceback is in "
-                         f"{_write_traceback()}; please report it with that file.\n")
+        sys.stderr.write(f"internal error: {type(err).__name__}: {str(err)[:300]}\nThis is a bug "
+                         f"of part2gs-robotics {__version__}, not of the scene. The traceback is "
+                         f"in {_write_traceback()}; please report it with that file.\n")
         return OUR_BUG
 
 
@@ -103,11 +103,12 @@ def _capture(call: Call) -> int:
 
     flags = dict(call.flags)
     quiet, verbose = bool(flags.pop("quiet", False)), bool(flags.pop("verbose", False))
-    numbers = {name: cast(int, flags.get(name, default))
-               for name, default in (("views", 64), ("test_views", 0), ("size", 400), ("seed", 0))}
+    views, test_views, size, seed = (
+        cast(int, flags.get(name, command_options("capture")[name].default))
+        for name in ("views", "test_views", "size", "seed"))
     with logging_to(None, quiet, verbose):
-        done = capture(Path(call.paths[0]), Path(call.paths[1]), depth=bool(flags.get("depth")),
-                       **numbers)
+        done = capture(Path(call.paths[0]), Path(call.paths[1]), views=views, size=size, seed=seed,
+                       test_views=test_views, depth=bool(flags.get("depth")))
     if not quiet:
         sys.stdout.write(f"{done.scene}: {done.frames} images, {len(done.joints)} moving joints "
                          f"({', '.join(done.joints)}), {done.seconds:.1f} s; truth in "

@@ -8,6 +8,7 @@ from __future__ import annotations
 import ast
 import difflib
 import inspect
+import itertools
 import math
 from dataclasses import dataclass, field, fields, is_dataclass, replace
 from typing import Literal, cast, get_args, get_origin, get_type_hints
@@ -173,7 +174,7 @@ def options() -> dict[str, Option]:
 def _field_docs(room_type: type[object]) -> dict[str, str]:
     body = cast(ast.ClassDef, ast.parse(inspect.getsource(room_type)).body[0]).body
     docs: dict[str, str] = {}
-    for node, text in zip(body, body[1:], strict=False):
+    for node, text in itertools.pairwise(body):
         if isinstance(node, ast.AnnAssign) and isinstance(text, ast.Expr):
             name, value = cast(ast.Name, node.target), cast(ast.Constant, text.value)
             docs[name.id] = str(value.value)

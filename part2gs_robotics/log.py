@@ -40,7 +40,7 @@ class _JsonLines(logging.Handler):
         except OSError:
             self.handleError(record)
 
-    def handleError(self, record: logging.LogRecord) -> None:  # noqa: N802  # name of the base class
+    def handleError(self, record: logging.LogRecord) -> None:
         """Stop writing the file: a full disk is reported by the stage that needs the space."""
         logging.getLogger(ROOT).removeHandler(self)
 

@@ -89,8 +89,9 @@ def read_transforms(path: Path, root: Path, allow_missing: bool) -> list[PosedIm
     content = read_json(path)
     frames = content.get("frames")
     if not isinstance(frames, list) or not all(isinstance(f, dict) for f in frames):
-        raise SceneError(f"{path}: 'frames' is missing or not a list of objects. Expected one entry "
-                         "per photo with file_path and transform_matrix; export the cameras again.")
+        raise SceneError(f"{path}: 'frames' is missing or not a list of objects. Expected one "
+                         "entry per photo with file_path and transform_matrix; export the cameras "
+                         "again.")
     if len(frames) > MAX_FRAMES:
         raise SceneError(f"{path}: {len(frames)} frames. Expected at most {MAX_FRAMES}; "
                          "keep the sharpest photos of each state.")

@@ -36,6 +36,7 @@ Arrays = dict[str, NDArray[np.generic]]
 LOCK = "build.lock"
 STAGES = "stages"
 NEW_PREFIX = ".new-"
+PUBLISHED = "published.json"  # files of the last good build
 TEMP_PID = re.compile(r"(?:\.tmp-|^\.new-)(\d+)$")
 # measured: 64 + 64 views at 400 x 400 leave about 60 MB of stages and 40 MB of twin
 NEEDED_BYTES = 256 << 20
@@ -126,27 +127,45 @@ class Store:
         Raises:
             StoreError: another build is running in this folder.
         """
-        import fcntl
-
         path = self.out / LOCK
         try:
             handle = os.open(path, os.O_RDWR | os.O_CREAT, 0o644)
         except OSError as err:
             raise write_error(path, err) from err
         try:
-            try:
-                fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            except OSError as err:
-                holder = os.pread(handle, 200, 0).decode("utf-8", "replace") or "an unknown process"
-                raise StoreError(f"{self.out}: another build is running here ({holder}). Expected "
-                                 "one build per output folder; wait for it, stop it, or choose "
-                                 "another folder with -o.") from err
+            self._take(handle)
             os.ftruncate(handle, 0)
             os.pwrite(handle, f"pid {os.getpid()} on {socket.gethostname()}".encode(), 0)
             self._sweep()
             yield
         finally:
             os.close(handle)
+
+    def refuse_if_locked(self) -> None:
+        """Refuse at once when another build holds the folder.
+
+        Raises:
+            StoreError: naming its process and machine.
+        """
+        try:
+            handle = os.open(self.out / LOCK, os.O_RDWR)
+        except OSError:
+            return  # nothing to hold: `prepare` and `locked` say what is wrong with the folder
+        try:
+            self._take(handle)
+        finally:
+            os.close(handle)
+
+    def _take(self, handle: int) -> None:
+        import fcntl
+
+        try:
+            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError as err:
+            holder = os.pread(handle, 200, 0).decode("utf-8", "replace") or "an unknown process"
+            raise StoreError(f"{self.out}: another build is running here ({holder}). Expected "
+                             "one build per output folder; wait for it, stop it, or choose "
+                             "another folder with -o.") from err
 
     def _sweep(self) -> None:
         """Remove what killed builds left half-written; the lock proves they are gone."""
@@ -197,6 +216,7 @@ class Store:
             remove_quietly(fresh)
 
     def _publish(self, fresh: Path) -> None:
+        record = self.out / STAGES / PUBLISHED
         # meshes first, the models that name them last: a kill in between leaves models that load
         late = (".xml", ".urdf", ".yaml", ".json", ".html")
         files = sorted(fresh.iterdir(), key=lambda file: (file.suffix in late, file.name))
@@ -209,6 +229,18 @@ class Store:
             sync_folder(self.out)
         except OSError as err:
             raise write_error(self.out, err) from err
+        names = [file.name for file in files]
+        for stale in set(_names_in(record)) - set(names):  # meshes of parts no longer found
+            remove_quietly(self.out / Path(stale).name)
+        write_text_atomic(record, json.dumps(names, indent=1))
+
+
+def _names_in(record: Path) -> list[str]:
+    try:
+        names = json.loads(record.read_text("utf-8"))
+    except (OSError, ValueError):
+        return []
+    return [name for name in names if isinstance(name, str)] if isinstance(names, list) else []
 
 
 def write_stage(folder: Path, key: str, saved: Saved) -> None:

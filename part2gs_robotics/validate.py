@@ -21,8 +21,8 @@ GRID = 40  # cells per axis: 64,000 points decide alignment to 2.5 % of the obje
 BOX_GRID = 24  # cells per axis while the box is looked for
 MASK_SIDE = 160  # masks are shrunk to this: one of its pixels is below one cell of the grid
 UNEXPLAINED = 0.35  # share of a mask its own hull may miss; 0.00 measured with right cameras
-MIN_HULL_IOU = 0.15  # true pairs measured: 0.42 to 0.79; shifted by 0.3 of the box: 0.13 to 0.21
-MIN_SAME_SURFACE = 0.20  # true pairs measured: 0.49 to 0.73; shifted by 0.3 of the box: 0.07 to 0.15
+MIN_HULL_IOU = 0.15  # true pairs measured: 0.42 to 0.79; shifted by 0.3: 0.13 to 0.21
+MIN_SAME_SURFACE = 0.20  # true pairs measured: 0.49 to 0.73; shifted by 0.3: 0.07 to 0.15
 
 F64 = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -37,14 +37,14 @@ def check_counts(posed: Sequence[PosedImage], where: str) -> None:
     paths = [image.path for image in posed]
     if len(set(paths)) < len(paths):
         twice = next(image.name for image in posed if paths.count(image.path) > 1)
-        raise SceneError(f"{where}: {twice} has more than one camera. Expected one frame per photo; "
-                         "remove the repeated frames.")
+        raise SceneError(f"{where}: {twice} has more than one camera. Expected one frame per photo"
+                         "; remove the repeated frames.")
     first = posed[0]
     for image in posed:
         if image.size != first.size:
             raise SceneError(f"{where}: {image.name} is {image.size[0]} x {image.size[1]} pixels, "
-                             f"{first.name} is {first.size[0]} x {first.size[1]}. Expected one size "
-                             "per state; export all photos at one size.")
+                             f"{first.name} is {first.size[0]} x {first.size[1]}. Expected one "
+                             "size per state; export all photos at one size.")
 
 
 def check_all_posed(posed: Sequence[PosedImage], where: str) -> None:
@@ -68,8 +68,9 @@ def check_masks(state: StateViews, where: str) -> None:
                             (on > FULL_MASK, "full", "cut the object out of its background")):
         if bad.mean() > MAX_BAD_MASKS:
             names = ", ".join(state.names[i] for i in np.flatnonzero(bad)[:3])
-            raise SceneError(f"{where}: {int(bad.sum())} of {len(state)} masks are {word} ({names}, "
-                             f"...). Expected white on the object, black around it; {hint}.")
+            raise SceneError(f"{where}: {int(bad.sum())} of {len(state)} masks are {word} "
+                             f"({names}, ...). Expected white on the object, black around it; "
+                             f"{hint}.")
 
 
 def check_frames(states: tuple[StateViews, StateViews], where: str) -> None:
@@ -97,17 +98,17 @@ def check_frames(states: tuple[StateViews, StateViews], where: str) -> None:
     if iou < MIN_HULL_IOU or same < MIN_SAME_SURFACE:
         raise SceneError(
             f"{where}: the two states are not in one frame (their silhouette hulls overlap by "
-            f"{iou:.0%}, {same:.0%} of the surface coincides). Expected a static base at one place "
-            f"in both states, overlap above {MIN_HULL_IOU:.0%} and {MIN_SAME_SURFACE:.0%}; register "
-            "all photos of both states in one COLMAP run.")
+            f"{iou:.0%}, {same:.0%} of the surface coincides). Expected a static base at one "
+            f"place in both states, overlap above {MIN_HULL_IOU:.0%} and {MIN_SAME_SURFACE:.0%}; "
+            "register all photos of both states in one COLMAP run.")
 
 
 def hull_agreement(a: Bools, b: Bools) -> tuple[float, float]:
     """Return (intersection over union, smaller share of surface cells that coincide)."""
-    union = np.count_nonzero(a | b)
-    iou = np.count_nonzero(a & b) / union if union else 0.0
+    union = int(np.count_nonzero(a | b))
+    iou = int(np.count_nonzero(a & b)) / max(1, union)
     shells = [hull & ~_eroded(hull) for hull in (a, b)]
-    shares = [np.count_nonzero(one & ~_eroded(~other)) / max(1, np.count_nonzero(one))
+    shares = [int(np.count_nonzero(one & ~_eroded(~other))) / max(1, int(np.count_nonzero(one)))
               for one, other in (shells, shells[::-1])]
     return float(iou), float(min(shares))
 

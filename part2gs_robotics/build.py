@@ -1,0 +1,207 @@
+"""The corridor: the only place that knows the order of the rooms."""
+
+from __future__ import annotations
+
+import logging
+import re
+import sys
+import time
+from collections.abc import Callable
+from dataclasses import asdict
+from pathlib import Path
+from typing import TypeVar
+
+import numpy as np
+import yaml
+
+from part2gs_robotics import __version__
+from part2gs_robotics.articulate import Motion
+from part2gs_robotics.config import Config, to_dict
+from part2gs_robotics.errors import ConfigError, StoreError
+from part2gs_robotics.gaussians import Gaussians
+from part2gs_robotics.jit_cache import prepare_jit_cache
+from part2gs_robotics.log import Progress, log_stage, logging_to
+from part2gs_robotics.outputs import write_outputs
+from part2gs_robotics.plan import Plan, make_plan
+from part2gs_robotics.readers import read_scene
+from part2gs_robotics.saved import (
+    Fitted,
+    load_fit,
+    load_motion,
+    load_parts,
+    save_fit,
+    save_motion,
+    save_parts,
+)
+from part2gs_robotics.scene import Scene, StateViews
+from part2gs_robotics.store import Saved, Store, code_version, hash_of
+from part2gs_robotics.twin import Part, Twin
+
+T = TypeVar("T")
+logger = logging.getLogger(__name__)
+
+
+def build(path: Path, config: Config) -> int:
+    """Build the twin of a scene folder.
+
+    Args:
+        path: scene folder.
+        config: resolved settings.
+
+    Returns:
+        0 when all checks pass, 1 when the twin is built but a check fails.
+
+    Raises:
+        Part2GSError: the input, a setting or the output folder cannot be used; the results of an
+            earlier build in the output folder stay as they were.
+
+    Example:
+        code = build(Path("scene"), resolve({"preset": "draft"}))
+    """
+    out = output_folder(path, config.output.out)
+    _require_device(config.fit.device)
+    cache_note = prepare_jit_cache()
+    store = Store(out)
+    store.refuse_if_locked()
+    began = time.monotonic()
+    scene = read_scene(path, config.read)
+    store.prepare()
+    output = config.output
+    with store.locked(), logging_to(out, output.quiet, output.verbose):
+        logger.info("part2gs-robot %s, CPU renderer, seed %d: %s (%s layout) to %s", __version__,
+                    config.fit.seed, path, scene.layout, out)
+        for note in (*scene.notes, *((cache_note,) if cache_note else ())):
+            logger.warning("%s", note)
+        return _Corridor(scene, config, store, time.monotonic() - began).run()
+
+
+def output_folder(scene: Path, wanted: str | None) -> Path:
+    """Return where results go.
+
+    Raises:
+        StoreError: inside the scene, whose files are never touched.
+    """
+    resolved = scene.resolve()
+    out = Path(wanted) if wanted else resolved.parent / f"{resolved.name}_twin"
+    if out.resolve().is_relative_to(resolved) and scene.is_dir():
+        raise StoreError(f"{out}: lies in the scene folder {scene}. Expected a folder outside of "
+                         "it, the scene is never written; choose another one with -o.")
+    return out
+
+
+def _require_device(device: str) -> None:
+    if device == "cuda":
+        raise ConfigError("--device is cuda. Expected auto or cpu, this version renders on the CPU "
+                          "only; leave --device out.")
+
+
+class _Corridor:
+    """One build: every room entered once, in order."""
+
+    def __init__(self, scene: Scene, config: Config, store: Store, read_seconds: float) -> None:
+        self.scene, self.config, self.store = scene, config, store
+        self.seconds: dict[str, float] = {}
+        self.code = code_version()
+        views = sum(len(state) for state in scene.states)
+        self._done("read", read_seconds, f"{views} images")
+
+    def run(self) -> int:
+        """Return the exit code of the build."""
+        plan = make_plan(self.scene, self.config)
+        logger.info("plan:\n%s", "\n".join(plan.lines()))
+        fits, keys = zip(*(self._fit(index) for index in (0, 1)), strict=True)
+        gaussians = (fits[0][0], fits[1][0])
+        motion, key = self._articulate(gaussians, keys)
+        parts = self._mesh(gaussians, motion, key)
+        plan = settle_plan(plan, motion, parts)
+        name = re.sub(r"[^a-z0-9_]+", "_", self.scene.path.resolve().name.lower()).strip("_")
+        twin = Twin(name or "twin", parts, self.scene.meters_per_unit, self.scene.up,
+                    (*self.scene.notes, *motion.notes))
+        began = time.monotonic()
+        with self.store.new_files() as folder:
+            text = yaml.safe_dump(to_dict(self.config), sort_keys=False)
+            report, summary = write_outputs(folder, self.store.out, self.scene, twin, fits, motion,
+                                            plan, self.seconds, text, self.config.check)
+        self._done("export and check", time.monotonic() - began,
+                   "checks pass" if report.ok else "checks FAIL")
+        if not self.config.output.quiet:
+            sys.stdout.write(summary)
+        return report.exit_code
+
+    def _fit(self, index: int) -> tuple[Fitted, str]:
+        state = self.scene.states[index]
+        plain = {name: value for name, value in asdict(self.config.fit).items() if name != "device"}
+        key = hash_of("fit", self.code, plain, *_state_parts(state))
+
+        def compute() -> Fitted:
+            from part2gs_robotics.fit import FitConfig, fit_state
+
+            settings = FitConfig(**plain)
+            result = fit_state(state, None, settings, Progress(f"fit state {index}", "dB"),
+                               f"state {index}")
+            return result.gaussians, tuple((t, db) for t, db, _ in result.curve)
+
+        fitted = self._stage(f"0{index + 1}_fit_{index}", key, compute, save_fit, load_fit,
+                             lambda f: f"{f[1][-1][1]:.1f} dB, {len(f[0])} Gaussians")
+        return fitted, key
+
+    def _articulate(self, gaussians: tuple[Gaussians, Gaussians],
+                    keys: tuple[str, ...]) -> tuple[Motion, str]:
+        settings = self.config.articulate
+        key = hash_of("articulate", self.code, asdict(settings), *keys)
+
+        def compute() -> Motion:
+            from part2gs_robotics.articulate import articulate
+
+            return articulate(self.scene, gaussians, settings, Progress("articulate"))
+
+        motion = self._stage("03_articulate", key, compute, save_motion, load_motion,
+                             lambda m: f"{len(m.joints)} moving parts: "
+                                       + ", ".join(joint.kind for joint in m.joints))
+        return motion, key
+
+    def _mesh(self, gaussians: tuple[Gaussians, Gaussians], motion: Motion,
+              key: str) -> tuple[Part, ...]:
+        settings = self.config.mesh
+        key = hash_of("mesh", asdict(settings), key)
+
+        def compute() -> tuple[Part, ...]:
+            from part2gs_robotics.meshing import build_parts
+
+            return build_parts(self.scene, gaussians, motion, settings)
+
+        return self._stage("04_mesh", key, compute, save_parts, load_parts,
+                           lambda p: f"{sum(len(part.mesh.faces) for part in p)} triangles")
+
+    def _stage(self, name: str, key: str, compute: Callable[[], T], save: Callable[[T], Saved],
+               load: Callable[[Saved], T], number: Callable[[T], str]) -> T:
+        began = time.monotonic()
+        result = self.store.stage(name, key, compute, save, load)
+        self._done(name[3:], time.monotonic() - began, number(result),
+                   name in self.store.resumed)
+        return result
+
+    def _done(self, name: str, seconds: float, number: str, resumed: bool = False) -> None:
+        self.seconds[name] = seconds
+        log_stage(name, seconds, number, resumed)
+
+
+def _state_parts(state: StateViews) -> tuple[object, ...]:
+    depths = state.depths if state.depths is not None else np.zeros(0)
+    return (state.images, state.alphas, state.Ks, state.viewmats, depths, state.held_out)
+
+
+def settle_plan(plan: Plan, motion: Motion, parts: tuple[Part, ...]) -> Plan:
+    """Return the plan with the decisions that only measurements could make."""
+    if plan["part competition"].decided == "during":
+        many = len(motion.joints) > 1
+        plan = plan.settle("part competition", many, f"{len(motion.joints)} moving parts found")
+    split = [part.name for part in parts if len(part.pieces) > 1]
+    whole = [part.name for part in parts if len(part.pieces) <= 1]
+    sentences = [f"{', '.join(names)} {fate}" for names, fate in
+                 ((split, "cut into convex pieces"), (whole, "already convex")) if names]
+    plan = plan.settle("convex decomposition", bool(split), "; ".join(sentences))
+    repelled = [note for note in motion.notes if "repel" in note.lower()]
+    points = sum(one.get("repel_points", 0.0) for one in motion.diagnostics)
+    return plan.settle("repel points", points > 0, f"{points:.0f} points between parts" if points
+                       else repelled[0] if repelled else "no seam within reach")

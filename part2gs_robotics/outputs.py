@@ -1,0 +1,114 @@
+"""The twin folder: exporters, checks and report written into one fresh folder."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from part2gs_robotics import __version__
+from part2gs_robotics.articulate import Motion
+from part2gs_robotics.atomic import write_text_atomic
+from part2gs_robotics.config import CheckConfig
+from part2gs_robotics.gaussians import Gaussians
+from part2gs_robotics.plan import Plan
+from part2gs_robotics.report import ReportData, write_report
+from part2gs_robotics.saved import Fitted
+from part2gs_robotics.scene import Scene, StateViews
+from part2gs_robotics.sim_checks.result import CheckReport
+from part2gs_robotics.twin import Twin
+
+
+def write_outputs(
+    folder: Path, out: Path, scene: Scene, twin: Twin, fits: tuple[Fitted, ...], motion: Motion,
+    plan: Plan, seconds: dict[str, float], config_yaml: str, config: CheckConfig,
+) -> tuple[CheckReport, str]:
+    """Write every file of the twin folder; returns the checks and a summary for people.
+
+    Args:
+        folder: fresh folder the files go to.
+        out: where they will lie, for texts.
+        scene: what was read.
+        twin: what was built.
+        fits: Gaussians and curve of both states.
+        motion: part identities of these Gaussians.
+        plan: settled decisions.
+        seconds: wall time per stage.
+        config_yaml: resolved configuration.
+        config: settings of the checks.
+    """
+    from part2gs_robotics.exporters.mjcf import write_mjcf
+    from part2gs_robotics.exporters.twin_yaml import write_twin_yaml
+    from part2gs_robotics.exporters.urdf import write_urdf
+    from part2gs_robotics.sim_checks import check
+
+    counts = _counts(scene, fits)
+    write_mjcf(twin, folder)
+    write_urdf(twin, folder)
+    write_twin_yaml(twin, folder, {"version": __version__, "layout": scene.layout, **counts})
+    write_text_atomic(folder / "config.yaml", config_yaml)
+    _write_gaussians(folder, fits[0][0], motion, twin)
+    report = replace(check(folder, steps=config.sweep_values), path=str(out))
+    write_report(folder, ReportData(
+        scene=scene.path.resolve().name, layout=scene.layout, exit_code=report.exit_code, twin=twin,
+        counts=counts, stage_seconds=seconds, plan=plan.rows(),
+        curves=tuple((f"state {index}", fit[1]) for index, fit in enumerate(fits)),
+        pictures=tuple(_picture(scene.states[index], fit[0], f"state {index}")
+                       for index, fit in enumerate(fits)),
+        checks=report.to_dict(), notes=report.notes))
+    return report, _summary(out, twin, report)
+
+
+def _counts(scene: Scene, fits: tuple[Fitted, ...]) -> dict[str, float]:
+    counts: dict[str, float] = {}
+    for index, (state, fit) in enumerate(zip(scene.states, fits, strict=True)):
+        counts |= {f"views_{index}": len(state), f"width_{index}": state.width,
+                   f"height_{index}": state.height, f"gaussians_{index}": len(fit[0]),
+                   f"held_out_psnr_{index}": round(fit[1][-1][1], 3)}
+    return counts
+
+
+def _write_gaussians(folder: Path, gaussians: Gaussians, motion: Motion, twin: Twin) -> None:
+    """Write the Gaussians of state 0, whole and per part: at q = 0 they lie on the meshes."""
+    from part2gs_robotics.exporters.gaussian_ply import write_gaussians_ply
+
+    write_gaussians_ply(gaussians, folder / "gaussians.ply")
+    labels = motion.labels(0)
+    for index, part in enumerate(twin.parts):
+        write_gaussians_ply(gaussians.select(labels == index), folder / f"{part.name}.ply")
+
+
+def _picture(state: StateViews, gaussians: Gaussians,
+             name: str) -> tuple[str, NDArray[np.uint8], NDArray[np.uint8]]:
+    """Return (caption, photo, render) of a view that was never trained on, over white."""
+    from part2gs_robotics.render import render
+
+    view = int(np.flatnonzero(state.held_out)[0])
+    alpha = state.alphas[view][..., None] / 255.0
+    photo = state.images[view] * alpha + 255.0 * (1.0 - alpha)
+    rendered = render(gaussians.means, gaussians.quats, gaussians.scales, gaussians.opacities,
+                      gaussians.colors, state.viewmats[view], state.Ks[view], state.width,
+                      state.height, background=np.ones(3, np.float32))
+    drawn = np.clip(rendered.color * 255.0, 0, 255)
+    return (f"{name}, held-out view {state.names[view]}", np.rint(photo).astype(np.uint8),
+            np.rint(drawn).astype(np.uint8))
+
+
+def _summary(out: Path, twin: Twin, report: CheckReport) -> str:
+    lines = []
+    for part in twin.parts:
+        if part.joint is not None:
+            joint = part.joint
+            unit = "deg" if joint.kind in ("revolute", "screw") else "units"
+            value = np.degrees(joint.value) if unit == "deg" else joint.value
+            axis = " ".join(f"{x:+.3f}" for x in joint.axis)
+            lines.append(f"{part.name}: {joint.kind}, axis {axis}, {value:+.4g} {unit} between the "
+                         "states")
+    for row in report.results:
+        if row.status not in ("pass", "skipped"):
+            lines.append(f"{row.status}: {row.name} {row.subject} {row.detail}".rstrip())
+    lines.append(f"checks {'pass' if report.ok else 'FAIL'}; {out}: scene.xml, twin.xml, "
+                 "twin.urdf, twin.yaml, report.html")
+    return "\n".join(lines) + "\n"
