@@ -38,7 +38,7 @@ class IdentityConfig:
     learning_rate: float = 0.1
     """Adam's step on the embeddings, nats: 40 soft steps outweigh any capped evidence."""
     part_weight: float = 3.0
-    """lambda_part; swept here: 1 leaves wrong evidence standing, 20 swallows thin parts."""
+    """lambda_part; swept here: 1 leaves wrong evidence standing, 20 eats thin parts."""
     cross_weight: float = 3.0
     """Worth of the other state's agreement under a part's motion, nats; 0 = states apart.
     Swept here: it settles flush seams, which neighbours alone cannot."""

@@ -66,9 +66,6 @@ def ball(points):
     return points.norm(dim=-1) - 1.0
 
 
-# --- gradients ---------------------------------------------------------------------------------
-
-
 @BOTH
 @pytest.mark.parametrize("seed", range(5))
 def test_gradients_of_pair_losses(paper, seed):
@@ -99,9 +96,6 @@ def test_gradients_of_contact_through_the_joint(seed):
     assert_gradients(swept, points, axis, origin)
     static = tensor(rng.normal(size=(6, 3)), True)
     assert_gradients(lambda p, s: contact_loss(p, s, paper=True), points, static)
-
-
-# --- closed forms ------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(("angle_deg", "printed"), [(10, 0.0009), (45, 0.0176), (90, 0.060)])
@@ -254,9 +248,6 @@ def test_geman_mcclure_limits():
     assert geman_mcclure(tensor([1e-8]), 1.0).item() == pytest.approx(1e-8)
     assert geman_mcclure(tensor([1.0]), 1.0).item() == 0.5
     assert geman_mcclure(tensor([1e12]), 1.0).item() == pytest.approx(1.0)
-
-
-# --- degenerate inputs -------------------------------------------------------------------------
 
 
 @BOTH
