@@ -54,7 +54,8 @@ def main_directions(surface: Facets) -> F64:
     alike gets the principal axes of its normals.
     """
     normals, areas = surface.normals.copy(), surface.areas.copy()
-    total, found = areas.sum(), []
+    total = areas.sum()
+    found: list[F64] = []
     seeds = _sphere()
     while len(found) < MAX_DIRECTIONS:
         near = (np.abs(seeds @ normals.T) > SAME_DIRECTION) @ areas
