@@ -52,7 +52,7 @@ def report_json(data: ReportData, assumed: tuple[str, ...]) -> dict[str, object]
         ],
         "checks": _plain(data.checks),
         "assumed": list(assumed),
-        "notes": [*data.twin.notes, *data.notes],
+        "notes": list(dict.fromkeys((*data.twin.notes, *data.notes))),
         "exit_code": data.exit_code,
     }
 

@@ -31,7 +31,7 @@ def render_html(data: ReportData, assumed: Sequence[str], engines: Mapping[str, 
         _section("Where the time went", bars_html(data.stage_seconds)),
         _section("Plan: what was used and what was left out", _plan(data)),
         _section("Assumed numbers", _bullets(assumed)),
-        _section("Notes", _bullets((*data.twin.notes, *data.notes, *check_notes(data.checks)))),
+        _section("Notes", _bullets(_all_notes(data))),
         _section("Made with", _pairs({"part2gs-robotics": __version__, **engines})),
     )
     title = escape(data.scene)
@@ -63,6 +63,10 @@ def _header(data: ReportData, rows: Sequence[CheckRow]) -> str:
         f'<p class="muted">Two observed states, read in the {escape(data.layout)} layout.</p>'
         f'<div class="tiles">{cells}</div></header>'
     )
+
+
+def _all_notes(data: ReportData) -> tuple[str, ...]:
+    return tuple(dict.fromkeys((*data.twin.notes, *data.notes, *check_notes(data.checks))))
 
 
 def _section(title: str, body: str) -> str:

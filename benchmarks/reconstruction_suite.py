@@ -1,0 +1,166 @@
+"""Score `part2gs-robot build` with an external benchmark kit and put its table into README.md.
+
+    python benchmarks/reconstruction_suite.py --kit PATH [--objects NAME ...]
+
+The kit is a folder with `suite.py`, which renders objects, runs the command, reads the exported
+MJCF and scores it against the truth; it never sees anything else of this project. Without --kit the
+table is made anew from benchmarks/results/suite.json.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import platform
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[1]
+RESULTS = ROOT / "benchmarks/results/suite.json"
+README = ROOT / "README.md"
+BEGIN, END = "<!-- suite:begin -->", "<!-- suite:end -->"
+OBJECTS = ("libero_microwave", "libero_wooden_cabinet", "sektion_cabinet", "pm_10211_laptop")
+COMMAND = "part2gs-robot build {scene} -o {out}"
+HEAD = (
+    "object", "moving parts found", "joint types right", "axis, deg", "position, % of diagonal",
+    "turn, deg", "slide, units", "segmentation mIoU", "watertight", "checks", "seconds", "peak MB",
+)  # fmt: skip
+
+
+def main() -> int:
+    """Run the kit if it is given, store its numbers, and write the table."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--kit", type=Path, help="folder of the benchmark kit")
+    parser.add_argument("--objects", nargs="+", default=list(OBJECTS))
+    parser.add_argument("--views", type=int, default=64)
+    parser.add_argument("--size", type=int, default=400)
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--cmd", default=COMMAND, help="command with {scene} and {out}")
+    parser.add_argument("--work", type=Path, help="folder for scenes and twins; default: temporary")
+    args = parser.parse_args()
+    if args.kit:
+        with tempfile.TemporaryDirectory() as temporary:
+            found = run_kit(args, args.work or Path(temporary))
+        RESULTS.parent.mkdir(parents=True, exist_ok=True)
+        RESULTS.write_text(json.dumps(summary(found), indent=1) + "\n")
+    if not RESULTS.exists():
+        sys.stderr.write(f"{RESULTS}: not there yet. Expected an earlier run; give --kit PATH.\n")
+        return 2
+    table = markdown(json.loads(RESULTS.read_text()))
+    README.write_text(insert(README.read_text(), table))
+    sys.stdout.write(table)
+    return 0
+
+
+def run_kit(args: argparse.Namespace, work: Path) -> dict[str, object]:
+    """Run the kit's suite and return its results.json."""
+    environment = os.environ | {"MUJOCO_GL": os.environ.get("MUJOCO_GL", "egl")}
+    # The console script of this interpreter, wherever the shell would look.
+    environment["PATH"] = f"{Path(sys.executable).parent}{os.pathsep}{environment['PATH']}"
+    environment["PYTHONDONTWRITEBYTECODE"] = "1"  # the kit may be read-only
+    command = [
+        sys.executable, str(args.kit.resolve() / "suite.py"),
+        "--objects", *args.objects, "--out", str(work.resolve()), "--cmd", args.cmd,
+        "--views", str(args.views), "--size", str(args.size), "--seed", str(args.seed),
+    ]  # fmt: skip
+    subprocess.run(command, check=True, env=environment)
+    return dict(json.loads((work / "results.json").read_text()))
+
+
+def summary(found: dict) -> dict[str, object]:
+    """Return the numbers of the table, with machine, versions and commit."""
+    return {
+        "command": COMMAND,
+        "options": found["options"],
+        "machine": f"{os.cpu_count()} CPU cores, {platform.machine()}, no GPU",
+        "commit": git("rev-parse", "--short", "HEAD"),
+        "date": git("log", "-1", "--format=%cs"),
+        "rows": [summary_row(row) for row in found["rows"]],
+    }
+
+
+def summary_row(row: dict) -> dict[str, object]:
+    """Return one object's numbers; None where nothing was found."""
+    run, score = row["run"], row.get("score") or {}
+    matched = score.get("matched_only") or {}
+    parts = [part for part in score.get("parts", []) if part["matched"]]
+    return {
+        "object": row["name"],
+        "parts_true": row["parts_true"],
+        "parts_found": score.get("parts_found", 0),
+        "parts_extra": score.get("parts_unmatched", 0),
+        "types_right": score.get("types_right", 0),
+        "angle_deg": matched.get("angle_deg"),
+        "line_pct": matched.get("line_pct"),
+        "motion_deg": matched.get("motion_deg"),
+        "motion_units": matched.get("motion_units"),
+        "miou": (score.get("segmentation") or {}).get("miou"),
+        "watertight": bool(parts)
+        and bool(score.get("base_watertight"))
+        and all(part["watertight"] for part in parts),
+        "compiles": score.get("compiles", False),
+        "exit": run["exit"],
+        "seconds": run["seconds"],
+        "peak_mb": run["peak_mb"],
+        "error": row.get("error"),
+    }
+
+
+def markdown(result: dict) -> str:
+    """Return the README's table and one line on how it was made."""
+    lines = ["| " + " | ".join(HEAD) + " |", "|---" * len(HEAD) + "|"]
+    lines += ["| " + " | ".join(cells(row)) + " |" for row in result["rows"]]
+    options = result["options"]
+    lines += [
+        "",
+        f"{options['views']} + {options['views']} RGB views of {options['size']} x "
+        f"{options['size']} pixels, no depth, number of parts not given, default preset; "
+        f"{result['machine']}; commit {result['commit']}, {result['date']}. "
+        "Made by `benchmarks/reconstruction_suite.py` with an external kit that sees the exported "
+        "MJCF only. Axis, position, turn (hinges) and slide are mean errors over the parts found.",
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def cells(row: dict) -> list[str]:
+    """Return the texts of one table row."""
+    extra = f" + {row['parts_extra']} extra" if row["parts_extra"] else ""
+    checks = {0: "pass", 1: "fail, reported"}.get(row["exit"], f"exit {row['exit']}")
+    return [
+        row["object"],
+        f"{row['parts_found']} of {row['parts_true']}{extra}",
+        f"{row['types_right']} of {row['parts_true']}",
+        number(row["angle_deg"], 2),
+        number(row["line_pct"], 2),
+        number(row["motion_deg"], 2),
+        number(row["motion_units"], 4),
+        number(row["miou"], 3),
+        "yes" if row["watertight"] else "no",
+        checks,
+        number(row["seconds"], 0),
+        number(row["peak_mb"], 0),
+    ]
+
+
+def number(value: float | None, digits: int) -> str:
+    """Return a rounded number, or - where there is none."""
+    return "-" if value is None else f"{value:.{digits}f}"
+
+
+def insert(text: str, table: str) -> str:
+    """Return the README with everything between its two markers replaced."""
+    before, rest = text.split(BEGIN)
+    return f"{before}{BEGIN}\n{table}{END}{rest.split(END)[1]}"
+
+
+def git(*words: str) -> str:
+    """Return the output of a git command, or "unknown" outside a clone."""
+    done = subprocess.run(["git", *words], cwd=ROOT, capture_output=True, text=True, check=False)
+    return done.stdout.strip() or "unknown"
+
+
+if __name__ == "__main__":
+    sys.exit(main())
