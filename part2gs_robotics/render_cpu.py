@@ -134,7 +134,7 @@ def render(means: Floats, quats: Floats, scales: Floats, opacities: Floats, colo
     packed, boxes = np.zeros((n, PACKED), dtype), np.zeros((n, 4), np.int32)
     visible = np.zeros(n, np.bool_)
     project(*inputs, extras, view, camera, width, height, packed, boxes, visible)
-    tiles_x, tiles_y = -(-width // kernels.TILE), -(-height // kernels.TILE)
+    tiles_x, tiles_y = -(-width // kernels.TILE_X), -(-height // kernels.TILE_Y)
     tile_first, ids, first, slots = kernels.bin_gaussians(
         _front_to_back(packed[:, 10]), visible, boxes, tiles_x, tiles_y)
     tile_order = _shared_out(np.diff(tile_first))

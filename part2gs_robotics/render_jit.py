@@ -15,22 +15,23 @@ F = TypeVar("F", bound=Callable[..., object])
 
 # contract: fused multiply-add; reassoc: vector sums; nsz: frees the selects. NaN and infinity keep
 # their IEEE meaning (no nnan, no ninf) because the projection skips Gaussians by testing for them.
-_FASTMATH = {"contract", "reassoc", "nsz"}
+# error_model: a test for division by zero in the inner loop would cost its SIMD code.
+_OPTIONS = {"nogil": True, "error_model": "numpy", "fastmath": {"contract", "reassoc", "nsz"}}
 
 
 def kernel(function: F) -> F:
     """Compile a function for one thread, cached on disk."""
-    return cast(F, numba.njit(cache=True, nogil=True, fastmath=_FASTMATH)(function))
+    return cast(F, numba.njit(cache=True, **_OPTIONS)(function))
 
 
 def inlined(function: F) -> F:
     """Compile a function to be called from kernels of the same file."""
-    return cast(F, numba.njit(nogil=True, fastmath=_FASTMATH)(function))
+    return cast(F, numba.njit(**_OPTIONS)(function))
 
 
 def parallel_kernel(function: F) -> F:
     """Compile a function whose prange loops run on all threads, cached on disk."""
-    return cast(F, numba.njit(cache=True, nogil=True, parallel=True, fastmath=_FASTMATH)(function))
+    return cast(F, numba.njit(cache=True, parallel=True, **_OPTIONS)(function))
 
 
 def _writable(folder: Path) -> bool:

@@ -1,8 +1,9 @@
 """Numba kernels: sort Gaussians into tiles, blend each tile front to back, and its gradient.
 
-A tile is 16 x 16 pixels, kept as 32 blocks of 8 pixels in a row (one AVX register). All state of a
-block lies in one array row, so that the compiler needs no aliasing tests and emits SIMD code; every
-decision inside a block is a select. The exponent t arrives divided by 8: alpha = exp(t)^8.
+A tile is 8 pixels wide, one AVX register of float32, and 32 high: the rows a Gaussian covers are one
+contiguous range, whatever its size, and one flat loop. All state of a tile lies in planes of a single
+array, so that the compiler needs no aliasing tests and emits SIMD code; every decision in a loop is
+a select. The exponent t arrives divided by 8: alpha = exp(t)^8.
 """
 
 from __future__ import annotations
@@ -20,19 +21,21 @@ from part2gs_robotics.render_project import ALPHA_MAX, ALPHA_MIN, EXP_SCALE, Flo
 
 Ints = NDArray[np.int32]
 
-TILE = 16
-LANES = 8
-BLOCKS = TILE * TILE // LANES
+TILE_X = 8
+TILE_Y = 32
+PIXELS = TILE_X * TILE_Y
 STOP = 1e-4  # transmittance below which a pixel takes no more (3DGS)
 CHECK_EVERY = 16  # Gaussians between two tests whether a whole tile is opaque
 T_MIN = math.log(ALPHA_MIN) / EXP_SCALE
-T_CLAMP = math.log(ALPHA_MAX) / EXP_SCALE
+T_MAX = math.log(ALPHA_MAX) / EXP_SCALE
+T_FLOOR = -0.75  # below T_MIN: where the fast exponential ends
 
-# Fields of a block, in units of LANES. Forward: transmittance, r, g, b, z, median depth, weight.
-FORWARD_FIELDS = 7
-# Backward: transmittance, S, gradients of r, g, b, z, the rest of G, weight.
-BACKWARD_FIELDS = 8
-SUMS = 7  # column sums of a tile: v, v dy, v dy^2, w dr, w dg, w db, w dz
+# Planes of a tile: transmittance, weight of the last Gaussian, pixel x and y, then
+# forward r, g, b, z, median z; backward S, gradients of r, g, b, z, and the rest of G.
+FORWARD_PLANES = 9
+BACKWARD_PLANES = 10
+X, Y = 2 * PIXELS, 3 * PIXELS
+P4, P5, P6, P7, P8, P9 = (n * PIXELS for n in range(4, 10))
 
 
 def _exp8(t: float) -> float:
@@ -76,8 +79,8 @@ def bin_gaussians(order: NDArray[np.int64], visible: NDArray[np.bool_], boxes: I
     for i in range(len(boxes)):
         count = 0
         if visible[i]:
-            for y in range(boxes[i, 1] // TILE, (boxes[i, 3] - 1) // TILE + 1):
-                for x in range(boxes[i, 0] // TILE, (boxes[i, 2] - 1) // TILE + 1):
+            for y in range(boxes[i, 1] // TILE_Y, (boxes[i, 3] - 1) // TILE_Y + 1):
+                for x in range(boxes[i, 0] // TILE_X, (boxes[i, 2] - 1) // TILE_X + 1):
                     tile_first[y * tiles_x + x + 1] += 1
                     count += 1
         first[i + 1] = first[i] + count
@@ -89,8 +92,8 @@ def bin_gaussians(order: NDArray[np.int64], visible: NDArray[np.bool_], boxes: I
     for i in order:
         k = first[i]
         if visible[i]:
-            for y in range(boxes[i, 1] // TILE, (boxes[i, 3] - 1) // TILE + 1):
-                for x in range(boxes[i, 0] // TILE, (boxes[i, 2] - 1) // TILE + 1):
+            for y in range(boxes[i, 1] // TILE_Y, (boxes[i, 3] - 1) // TILE_Y + 1):
+                for x in range(boxes[i, 0] // TILE_X, (boxes[i, 2] - 1) // TILE_X + 1):
                     place = cursor[y * tiles_x + x]
                     cursor[y * tiles_x + x] += 1
                     ids[place] = i
@@ -100,69 +103,70 @@ def bin_gaussians(order: NDArray[np.int64], visible: NDArray[np.bool_], boxes: I
 
 
 @inlined
-def _tile_box(box: Ints, px: int, py: int) -> tuple[int, int, int, int]:
-    """Rows and 8-pixel half rows of the tile at (px, py) that the Gaussian's box covers."""
-    return (max(box[1] - py, 0), min(box[3] - py, TILE),
-            max(box[0] - px, 0) // LANES, (min(box[2] - px, TILE) - 1) // LANES + 1)
-
-
-@inlined
-def _blend_block(s: Floats, g: Floats, dx0: float, dy: float) -> None:
-    """Blend one Gaussian into the 8 pixels of a block."""
+def _blend(s: Floats, g: Floats, mx: float, my: float, count: int) -> None:
+    """Blend one Gaussian, centred at (mx, my) in the tile, into the first pixels of s."""
     f = s.dtype.type
-    zero, t_min, stop, half = f(0), f(T_MIN), f(STOP), f(0.5)
-    a, b, c, top = g[2], g[3] * dy, g[4] * dy * dy + g[5], g[6]
+    zero, floor, t_min, stop, half = f(0), f(T_FLOOR), f(T_MIN), f(STOP), f(0.5)
+    a, b, c, log_opacity, top = g[2], g[3], g[4], g[5], g[6]
     red, green, blue, z = g[7], g[8], g[9], g[10]
-    for x in range(LANES):
-        dx = f(x) + dx0
-        t = min(dx * (a * dx + b) + c, top)
-        through = s[x]
-        alpha = _exp8(max(t, f(-0.75)))
+    for k in range(count):
+        dx, dy = s[X + k] - mx, s[Y + k] - my
+        t = min(dx * (a * dx + b * dy) + (c * dy * dy + log_opacity), top)
+        through = s[k]
+        alpha = _exp8(max(t, floor))
         alpha = alpha if t >= t_min else zero
         alpha = alpha if through >= stop else zero
         w = alpha * through
-        left = through - w
-        s[x] = left
-        s[LANES + x] += w * red
-        s[2 * LANES + x] += w * green
-        s[3 * LANES + x] += w * blue
-        s[4 * LANES + x] += w * z
-        median = s[5 * LANES + x]
-        median = z if through >= half and w > zero else median
-        s[5 * LANES + x] = median
-        s[6 * LANES + x] = w
+        s[k] = through - w
+        s[PIXELS + k] = w
+        s[P4 + k] += w * red
+        s[P5 + k] += w * green
+        s[P6 + k] += w * blue
+        s[P7 + k] += w * z
+        median = s[P8 + k]
+        here = z if w > zero else median
+        s[P8 + k] = here if through >= half else median
 
 
 @inlined
-def _opaque(state: Floats) -> bool:
+def _opaque(s: Floats) -> bool:
     """Whether every pixel of the tile has stopped."""
-    largest = state.dtype.type(0)
-    for k in range(BLOCKS):
-        for x in range(LANES):
-            largest = max(largest, state[k, x])
-    return bool(largest < state.dtype.type(STOP))
+    largest = s.dtype.type(0)
+    for k in range(PIXELS):
+        largest = max(largest, s[k])
+    return bool(largest < s.dtype.type(STOP))
+
+
+@inlined
+def _place(s: Floats) -> None:
+    """Set the pixel coordinates of a tile's planes and full transmittance."""
+    for k in range(PIXELS):
+        s[k] = 1
+        s[X + k] = k % TILE_X
+        s[Y + k] = k // TILE_X
+
+
+@inlined
+def _covered(box: Ints, py: int) -> tuple[int, int]:
+    """Pixels of the tile in the rows that the Gaussian's box covers."""
+    return max(box[1] - py, 0) * TILE_X, min(box[3] - py, TILE_Y) * TILE_X
 
 
 @kernel
 def _forward_tile(ids: Ints, packed: Floats, boxes: Ints, extra: Floats, px: int, py: int,
-                  state: Floats, channels: Floats) -> int:
-    """Blend a tile's Gaussians into its state; return how many were needed."""
-    f = state.dtype.type
-    for k in range(len(ids)):
-        if k % CHECK_EVERY == 0 and k > 0 and _opaque(state):
-            return k
-        i = ids[k]
-        g = packed[i]
-        y0, y1, h0, h1 = _tile_box(boxes[i], px, py)
-        for y in range(y0, y1):
-            dy = f(py + y) + f(0.5) - g[1]
-            for h in range(h0, h1):
-                block = 2 * y + h
-                _blend_block(state[block], g, f(px + LANES * h) + f(0.5) - g[0], dy)
-                for j in range(extra.shape[1]):
-                    for x in range(LANES):
-                        channels[block, j * LANES + x] += (state[block, 6 * LANES + x]
-                                                           * extra[i, j])
+                  s: Floats, channels: Floats) -> int:
+    """Blend a tile's Gaussians into its planes; return how many were needed."""
+    left, top = s.dtype.type(px + 0.5), s.dtype.type(py + 0.5)
+    for n in range(len(ids)):
+        if n % CHECK_EVERY == 0 and n > 0 and _opaque(s):
+            return n
+        i = ids[n]
+        first, last = _covered(boxes[i], py)
+        _blend(s[first:], packed[i], packed[i, 0] - left, packed[i, 1] - top, last - first)
+        for j in range(extra.shape[1]):
+            value = extra[i, j]
+            for k in range(first, last):
+                channels[j, k] += s[PIXELS + k] * value
     return len(ids)
 
 
@@ -172,134 +176,107 @@ def forward(tile_order: NDArray[np.int64], tile_first: NDArray[np.int64], ids: I
             extra_image: Floats, needed: Ints) -> None:
     """Render all tiles into image [H, W, 6] (r, g, b, alpha, z, median z) and [H, W, C]."""
     height, width = image.shape[:2]
-    tiles_x = (width + TILE - 1) // TILE
+    tiles_x = (width + TILE_X - 1) // TILE_X
     one, half = image.dtype.type(1), image.dtype.type(0.5)
     for j in prange(len(tile_order)):
         tile = tile_order[j]
-        px, py = (tile % tiles_x) * TILE, (tile // tiles_x) * TILE
-        state = np.zeros((BLOCKS, FORWARD_FIELDS * LANES), image.dtype)
-        channels = np.zeros((BLOCKS, extra.shape[1] * LANES), image.dtype)
-        state[:, :LANES] = one
+        px, py = (tile % tiles_x) * TILE_X, (tile // tiles_x) * TILE_Y
+        s = np.zeros(FORWARD_PLANES * PIXELS, image.dtype)
+        channels = np.zeros((extra.shape[1], PIXELS), image.dtype)
+        _place(s)
         needed[tile] = _forward_tile(ids[tile_first[tile]:tile_first[tile + 1]], packed, boxes,
-                                     extra, px, py, state, channels)
-        for y in range(py, min(py + TILE, height)):
-            for x in range(px, min(px + TILE, width)):
-                s = state[2 * (y - py) + (x - px) // LANES]
-                lane = (x - px) % LANES
+                                     extra, px, py, s, channels)
+        for y in range(py, min(py + TILE_Y, height)):
+            for x in range(px, min(px + TILE_X, width)):
+                k = (y - py) * TILE_X + x - px
                 for c in range(3):
-                    image[y, x, c] = s[(1 + c) * LANES + lane] + s[lane] * background[c]
-                image[y, x, 3] = one - s[lane]
-                image[y, x, 4] = s[4 * LANES + lane]
-                if s[lane] < half:
-                    image[y, x, 5] = s[5 * LANES + lane]
+                    image[y, x, c] = s[P4 + c * PIXELS + k] + s[k] * background[c]
+                image[y, x, 3] = one - s[k]
+                image[y, x, 4] = s[P7 + k]
+                if s[k] < half:
+                    image[y, x, 5] = s[P8 + k]
                 for c in range(extra.shape[1]):
-                    extra_image[y, x, c] = channels[2 * (y - py) + (x - px) // LANES,
-                                                    c * LANES + lane]
+                    extra_image[y, x, c] = channels[c, k]
 
 
 @inlined
-def _gradient_block(s: Floats, sums: Floats, g: Floats, dx0: float, dy: float) -> None:
-    """Add one block's share of a Gaussian's gradient to the column sums.
+def _gradient(s: Floats, g: Floats, mx: float, my: float, count: int, row: Floats
+              ) -> None:
+    """Sum one Gaussian's gradients over the first pixels of s into row.
 
     With w_i = alpha_i T_i, L is linear: L = sum w_i G_i + T_end B. S holds what is still to come, so
     dL/dalpha_i = T_i G_i - S_i / (1 - alpha_i), front to back without a stored list.
     """
     f = s.dtype.type
-    zero, one, t_min, t_max, stop = f(0), f(1), f(T_MIN), f(T_CLAMP), f(STOP)
-    a, b, c, top = g[2], g[3] * dy, g[4] * dy * dy + g[5], g[6]
+    zero, one, floor, t_min, t_max, stop = f(0), f(1), f(T_FLOOR), f(T_MIN), f(T_MAX), f(STOP)
+    a, b, c, log_opacity, top = g[2], g[3], g[4], g[5], g[6]
     red, green, blue, z = g[7], g[8], g[9], g[10]
-    for x in range(LANES):
-        dx = f(x) + dx0
-        raw = dx * (a * dx + b) + c
+    r0 = r1 = r2 = r3 = r4 = r5 = r6 = r7 = r8 = r9 = zero
+    for k in range(count):
+        dx, dy = s[X + k] - mx, s[Y + k] - my
+        raw = dx * (a * dx + b * dy) + (c * dy * dy + log_opacity)
         t = min(raw, top)
-        through = s[x]
-        alpha = _exp8(max(t, f(-0.75)))
+        through = s[k]
+        alpha = _exp8(max(t, floor))
         alpha = alpha if t >= t_min else zero
         alpha = alpha if through >= stop else zero
         w = alpha * through
-        here = w * (s[2 * LANES + x] * red + s[3 * LANES + x] * green + s[4 * LANES + x] * blue
-                    + s[5 * LANES + x] * z + s[6 * LANES + x])
-        rest = s[LANES + x] - here
-        s[x] = through - w
-        s[LANES + x] = rest
+        here = w * (s[P5 + k] * red + s[P6 + k] * green + s[P7 + k] * blue + s[P8 + k] * z
+                    + s[P9 + k])
+        rest = s[P4 + k] - here
+        s[k] = through - w
+        s[P4 + k] = rest
+        s[PIXELS + k] = w
         v = here - rest * alpha / (one - alpha)
         v = v if raw < t_max else zero
-        sums[x] += v
-        sums[2 * LANES + x] += v * dy
-        sums[4 * LANES + x] += v * dy * dy
-        sums[6 * LANES + x] += w * s[2 * LANES + x]
-        sums[8 * LANES + x] += w * s[3 * LANES + x]
-        sums[10 * LANES + x] += w * s[4 * LANES + x]
-        sums[12 * LANES + x] += w * s[5 * LANES + x]
-        s[7 * LANES + x] = w
-
-
-@inlined
-def _reduce(sums: Floats, dx0: float, row: Floats) -> None:
-    """Turn column sums into the moments of one (Gaussian, tile) row and clear them."""
-    f = sums.dtype.type
-    row[:] = f(0)
-    for x in range(TILE):
-        dx = f(x) + dx0
-        v, vy = sums[x], sums[TILE + x]
-        row[0] += v
-        row[1] += v * dx
-        row[2] += vy
-        row[3] += v * dx * dx
-        row[4] += vy * dx
-        row[5] += sums[2 * TILE + x]
-        row[6] += sums[3 * TILE + x]
-        row[7] += sums[4 * TILE + x]
-        row[8] += sums[5 * TILE + x]
-        row[9] += sums[6 * TILE + x]
-    sums[:] = f(0)
+        vx, vy = v * dx, v * dy
+        r0 += v
+        r1 += vx
+        r2 += vy
+        r3 += vx * dx
+        r4 += vx * dy
+        r5 += vy * dy
+        r6 += w * s[P5 + k]
+        r7 += w * s[P6 + k]
+        r8 += w * s[P7 + k]
+        r9 += w * s[P8 + k]
+    row[0], row[1], row[2], row[3], row[4] = r0, r1, r2, r3, r4
+    row[5], row[6], row[7], row[8], row[9] = r5, r6, r7, r8, r9
 
 
 @kernel
 def _backward_tile(ids: Ints, packed: Floats, boxes: Ints, extra: Floats, px: int, py: int,
-                   state: Floats, channels: Floats, partial: Floats) -> None:
+                   s: Floats, channels: Floats, partial: Floats) -> None:
     """Fill one row of gradients per Gaussian of the tile."""
-    f = state.dtype.type
-    sums = np.zeros(SUMS * TILE, state.dtype)
-    rest = np.zeros(LANES, state.dtype)
-    for k in range(len(ids)):
-        i = ids[k]
-        g = packed[i]
-        y0, y1, h0, h1 = _tile_box(boxes[i], px, py)
-        dx0 = f(px) + f(0.5) - g[0]
-        channel_sums = np.zeros(extra.shape[1], state.dtype)
-        for y in range(y0, y1):
-            dy = f(py + y) + f(0.5) - g[1]
-            for h in range(h0, h1):
-                block = 2 * y + h
-                s = state[block]
-                if extra.shape[1] > 0:
-                    rest[:] = s[6 * LANES:7 * LANES]
-                    for j in range(extra.shape[1]):
-                        for x in range(LANES):
-                            s[6 * LANES + x] += channels[block, j * LANES + x] * extra[i, j]
-                _gradient_block(s, sums[h * LANES:], g, f(LANES * h) + dx0, dy)
-                if extra.shape[1] > 0:
-                    s[6 * LANES:7 * LANES] = rest
-                    for j in range(extra.shape[1]):
-                        for x in range(LANES):
-                            channel_sums[j] += s[7 * LANES + x] * channels[block, j * LANES + x]
-        _reduce(sums, dx0, partial[k])
+    left, top = s.dtype.type(px + 0.5), s.dtype.type(py + 0.5)
+    plain = s[P9:].copy()
+    for n in range(len(ids)):
+        i = ids[n]
+        first, last = _covered(boxes[i], py)
+        if extra.shape[1] > 0:
+            s[P9 + first:P9 + last] = plain[first:last]
+            for j in range(extra.shape[1]):
+                value = extra[i, j]
+                for k in range(first, last):
+                    s[P9 + k] += channels[j, k] * value
+        _gradient(s[first:], packed[i], packed[i, 0] - left, packed[i, 1] - top, last - first, partial[n])
         for j in range(extra.shape[1]):
-            partial[k, 10 + j] = channel_sums[j]
+            total = s.dtype.type(0)
+            for k in range(first, last):
+                total += s[PIXELS + k] * channels[j, k]
+            partial[n, 10 + j] = total
 
 
 @inlined
-def _load_pixel(s: Floats, lane: int, pixel: Floats, gradient: Floats) -> None:
-    """Set a pixel's state before the first Gaussian."""
-    s[lane] = s.dtype.type(1)
-    s[2 * LANES + lane] = gradient[0]
-    s[3 * LANES + lane] = gradient[1]
-    s[4 * LANES + lane] = gradient[2]
-    s[5 * LANES + lane] = gradient[4]
-    s[6 * LANES + lane] = gradient[3]
-    s[LANES + lane] = (gradient[0] * pixel[0] + gradient[1] * pixel[1] + gradient[2] * pixel[2]
-                       + gradient[3] * pixel[3] + gradient[4] * pixel[4])
+def _load_pixel(s: Floats, k: int, pixel: Floats, gradient: Floats) -> None:
+    """Set a pixel's planes before the first Gaussian."""
+    s[P4 + k] = (gradient[0] * pixel[0] + gradient[1] * pixel[1] + gradient[2] * pixel[2]
+                 + gradient[3] * pixel[3] + gradient[4] * pixel[4])
+    s[P5 + k] = gradient[0]
+    s[P6 + k] = gradient[1]
+    s[P7 + k] = gradient[2]
+    s[P8 + k] = gradient[4]
+    s[P9 + k] = gradient[3]
 
 
 @parallel_kernel
@@ -311,22 +288,22 @@ def backward(tile_order: NDArray[np.int64], tile_first: NDArray[np.int64], ids: 
     d_image [H, W, 5]: r, g, b, alpha, z. Rows past a tile's needed count stay as they are (zero).
     """
     height, width = image.shape[:2]
-    tiles_x = (width + TILE - 1) // TILE
+    tiles_x = (width + TILE_X - 1) // TILE_X
     for j in prange(len(tile_order)):
         tile = tile_order[j]
         start = tile_first[tile]
         end = start + needed[tile]
         if end > start:
-            px, py = (tile % tiles_x) * TILE, (tile // tiles_x) * TILE
-            state = np.zeros((BLOCKS, BACKWARD_FIELDS * LANES), image.dtype)
-            channels = np.zeros((BLOCKS, extra.shape[1] * LANES), image.dtype)
-            for y in range(py, min(py + TILE, height)):
-                for x in range(px, min(px + TILE, width)):
-                    _load_pixel(state[2 * (y - py) + (x - px) // LANES], (x - px) % LANES,
-                                image[y, x], d_image[y, x])
+            px, py = (tile % tiles_x) * TILE_X, (tile // tiles_x) * TILE_Y
+            s = np.zeros(BACKWARD_PLANES * PIXELS, image.dtype)
+            channels = np.zeros((extra.shape[1], PIXELS), image.dtype)
+            _place(s)
+            for y in range(py, min(py + TILE_Y, height)):
+                for x in range(px, min(px + TILE_X, width)):
+                    k = (y - py) * TILE_X + x - px
+                    _load_pixel(s, k, image[y, x], d_image[y, x])
                     for c in range(extra.shape[1]):
-                        block, lane = 2 * (y - py) + (x - px) // LANES, (x - px) % LANES
-                        channels[block, c * LANES + lane] = d_extra_image[y, x, c]
-                        state[block, LANES + lane] += d_extra_image[y, x, c] * extra_image[y, x, c]
-            _backward_tile(ids[start:end], packed, boxes, extra, px, py, state, channels,
+                        channels[c, k] = d_extra_image[y, x, c]
+                        s[P4 + k] += d_extra_image[y, x, c] * extra_image[y, x, c]
+            _backward_tile(ids[start:end], packed, boxes, extra, px, py, s, channels,
                            partial[start:end])
