@@ -28,7 +28,6 @@ Array = NDArray[np.float64]
 # Odd, so that the middle sub-pixel lies on the pixel centre and depth needs no second rendering.
 SUPERSAMPLE = 3
 _CAMERA = "part2gs_capture"
-_BACKDROP = 0.7  # seen through glass only
 _AMBIENT = 0.3
 # Azimuth and elevation in degrees, strength: key, fill and low light; brightest sum stays below 1.
 _LIGHTS = ((215.0, 50.0, 0.4), (330.0, 35.0, 0.25), (95.0, 25.0, 0.25))
@@ -146,15 +145,17 @@ class Rig:
 
         Returns:
             rgba: [H, W, 4] straight RGB with the covered share of each pixel as alpha.
-            depth: [H, W] z-depth at pixel centres, scene units, 0 = background; glass is solid.
+            depth: [H, W] z-depth at pixel centres, scene units, 0 = background.
+
+        Glass is photographed as solid, so that colour, alpha and depth show one surface.
         """
         self._data.cam_xpos[-1] = world_from_camera[:3, 3]
         self._data.cam_xmat[-1] = world_from_camera[:3, :3].ravel()
-        colour = self._draw(solid=False).astype(np.float64)
+        colour = self._draw().astype(np.float64)
         self._renderer.enable_segmentation_rendering()
-        mask = self._draw(solid=True)[..., 0] >= 0
+        mask = self._draw()[..., 0] >= 0
         self._renderer.enable_depth_rendering()
-        depth = self._draw(solid=True).astype(np.float64) * mask
+        depth = self._draw().astype(np.float64) * mask
         self._renderer.disable_depth_rendering()
         covered = _pool(mask.astype(np.float64)[..., None])
         rgb = _pool(colour * mask[..., None]) / np.maximum(covered, 1.0)
@@ -162,14 +163,13 @@ class Rig:
         middle = slice(SUPERSAMPLE // 2, None, SUPERSAMPLE)
         return rgba.round().astype(np.uint8), depth[middle, middle]
 
-    def _draw(self, *, solid: bool) -> NDArray[Any]:
+    def _draw(self) -> NDArray[Any]:
         self._renderer.update_scene(self._data, _CAMERA, self._option)
         scene = self._renderer.scene
         scene.flags[mujoco.mjtRndFlag.mjRND_REFLECTION] = 0
         scene.flags[mujoco.mjtRndFlag.mjRND_SHADOW] = 0
-        if solid:
-            for geom in scene.geoms[: scene.ngeom]:
-                geom.rgba[3], geom.transparent = 1.0, 0
+        for geom in scene.geoms[: scene.ngeom]:
+            geom.rgba[3], geom.transparent = 1.0, 0
         return np.asarray(self._renderer.render())
 
 
@@ -181,10 +181,6 @@ def _compile(path: Path, pixels: int) -> Any:
         for light in spec.lights:
             light.active = False
         spec.worldbody.add_camera(name=_CAMERA, fovy=float(np.rad2deg(FOV_RAD)))
-        spec.add_texture(
-            name="part2gs_backdrop", type=mujoco.mjtTexture.mjTEXTURE_SKYBOX, width=8, height=8,
-            builtin=mujoco.mjtBuiltin.mjBUILTIN_FLAT, rgb1=[_BACKDROP] * 3, rgb2=[_BACKDROP] * 3,
-        )  # fmt: skip
         for azimuth, elevation, strength in _LIGHTS:
             spec.worldbody.add_light(
                 type=mujoco.mjtLightType.mjLIGHT_DIRECTIONAL, dir=-direction(azimuth, elevation),
@@ -194,7 +190,7 @@ def _compile(path: Path, pixels: int) -> Any:
         spec.visual.headlight.active = 0
         # Round shapes stay round: a facet lies within 0.2 % of the radius.
         spec.visual.quality.numslices = spec.visual.quality.numstacks = 64
-        spec.visual.quality.offsamples = 0  # multisampling would blend the backdrop into edges
+        spec.visual.quality.offsamples = 0  # multisampling would blend the background into edges
         spec.visual.global_.offwidth = spec.visual.global_.offheight = pixels
         return spec.compile()
     except (ValueError, mujoco.FatalError) as error:

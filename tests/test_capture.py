@@ -152,6 +152,15 @@ def test_urdf_visuals_are_photographed(model: Make, tmp_path: Path):
     assert all((read_view(scene, "end", i)[0][..., 3] == 255).sum() > 100 for i in range(4))
 
 
+def test_glass_shows_the_surface_that_alpha_and_depth_show(model: Make, tmp_path: Path):
+    pictures = []
+    for name, opacity in (("solid", "1"), ("glass", ".2")):
+        path = model(BALL.replace(".8 .2 .1 1", f".8 .2 .1 {opacity}"))
+        scene = capture(path, tmp_path / name, views=4, size=32).scene
+        pictures.append(read_view(scene, "start", 0)[0])
+    np.testing.assert_array_equal(*pictures)
+
+
 def test_the_same_seed_gives_the_same_bytes(model: Make, tmp_path: Path):
     path = model(BOX)
     first, same, other = (
