@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 F64 = NDArray[np.float64]
 GAP = 5e-4  # of the size: half a millimetre on a metre, free of contact forces
-POSES = 25  # per joint; 90 degrees in steps of 4: the arc between leaves 0.06 % of the radius
+STEPS = 30  # per joint; 90 degrees in steps of 3: the arc between leaves 0.03 % of the radius
 DEEPEST = 0.5  # of a piece's own width: deeper overlaps are no noise and are left alone
 CRUMB = 1e-7  # of the size cubed
 
@@ -44,8 +44,7 @@ class _Piece:
 def separate_pieces(twin: Twin, *, gap: float | None = None) -> Twin:
     """Return the twin with collision pieces that no joint drives into each other.
 
-    Every joint is swept over its range with the others at state 0, and all joints stand at state
-    1; wherever pieces of a moved and an unmoved part come closer than `gap`, both are cut back to a
+    Every joint is swept over its range with the others at state 0 and at state 1; wherever pieces of a moved and an unmoved part come closer than `gap`, both are cut back to a
     plane between them, each in proportion to its width. Visual meshes stay as they are.
 
     Args:
@@ -65,8 +64,8 @@ def separate_pieces(twin: Twin, *, gap: float | None = None) -> Twin:
     ]
     before = sum(float(p.solid.volume()) for p in pieces)
     stuck = set[tuple[int, int]]()
-    for moved, positions in _poses(twin):
-        stuck |= _separate_at(pieces, moved, part_transforms(twin, positions), distance)
+    for moved, start, end in _passages(twin):
+        stuck |= _separate_at(pieces, moved, start, end, distance)
     if before <= 0:
         return twin
     lost = 1 - sum(float(p.solid.volume()) for p in pieces) / before
@@ -114,61 +113,82 @@ def _corners(solid: Manifold) -> tuple[F64, F64]:
     return vertices, np.unique(normals.round(6), axis=0)
 
 
-def _poses(twin: Twin) -> list[tuple[frozenset[int], list[float]]]:
-    """Return (moved parts, joint positions): every joint alone, then all at state 1."""
-    moving, out = moving_parts(twin), []
+def _passages(twin: Twin) -> list[tuple[frozenset[int], list[F64], list[F64]]]:
+    """Return (moved parts, transforms at the start, at the end) of short motions.
+
+    Every joint alone in STEPS steps over its range, then every joint around state 1.
+    """
+    moving = moving_parts(twin)
+    observed = [_value(twin, i) for i in moving]
+    out = []
     for slot, index in enumerate(moving):
-        for q in np.linspace(*twin.parts[index].limits, POSES):
-            positions = [float(q) if i == slot else 0.0 for i in range(len(moving))]
-            out.append((frozenset(subtree(twin, index)), positions))
-    observed = []
-    for index in moving:
-        joint = twin.parts[index].joint
-        assert joint is not None  # moving parts have one
-        observed.append(joint.value)
-    out += [(frozenset(subtree(twin, i)), observed) for i in moving]
+        moved = frozenset(subtree(twin, index))
+        for rest in ([0.0] * len(moving), observed):
+            stops = [rest[:slot] + [float(q)] + rest[slot + 1 :] for q in _stops(twin, index)]
+            placed = [part_transforms(twin, stop) for stop in stops]
+            out += [(moved, a, b) for a, b in zip(placed[:-1], placed[1:], strict=True)]
     return out
 
 
+def _value(twin: Twin, index: int) -> float:
+    joint = twin.parts[index].joint
+    assert joint is not None  # moving parts have one
+    return joint.value
+
+
+def _stops(twin: Twin, index: int) -> F64:
+    """Return joint positions evenly over the range."""
+    low, high = twin.parts[index].limits
+    return np.linspace(low, high, STEPS + 1)
+
+
 def _separate_at(
-    pieces: list[_Piece], moved: frozenset[int], world_from_0: list[F64], gap: float
+    pieces: list[_Piece], moved: frozenset[int], start: list[F64], end: list[F64], gap: float
 ) -> set[tuple[int, int]]:
-    """Cut back every pair of moved and unmoved pieces that is too close at one pose."""
-    placed = [p.vertices @ world_from_0[p.part][:3, :3].T + world_from_0[p.part][:3, 3] for p in pieces]
-    low = np.array([v.min(0) if len(v) else np.full(3, np.inf) for v in placed])
-    high = np.array([v.max(0) if len(v) else np.full(3, -np.inf) for v in placed])
+    """Cut back every pair of moved and unmoved pieces that comes too close on a short motion."""
+    at = [[p.vertices @ w[p.part][:3, :3].T + w[p.part][:3, 3] for p in pieces] for w in (start, end)]
+    low, high = np.full((len(pieces), 3), np.inf), np.full((len(pieces), 3), -np.inf)
+    for i, both in enumerate(zip(*at, strict=True)):
+        corners = np.concatenate(both)
+        if len(corners):
+            low[i], high[i] = corners.min(0), corners.max(0)
     mine = np.array([p.part in moved for p in pieces])
     near = (low[:, None] < high[None] + gap).all(-1) & (low[None] < high[:, None] + gap).all(-1)
     stuck = set[tuple[int, int]]()
     for a, b in np.argwhere(near & mine[:, None] & ~mine[None]):
         one, two = pieces[a], pieces[b]
-        if not _separate(one, two, world_from_0[one.part], world_from_0[two.part], gap):
+        moves = [inverse(w[two.part]) @ w[one.part] for w in (start, end)]
+        if not _separate(one, two, moves, gap):
             stuck.add((min(one.part, two.part), max(one.part, two.part)))
     return stuck
 
 
-def _separate(one: _Piece, two: _Piece, world_from_one: F64, world_from_two: F64, gap: float) -> bool:
-    """Cut two convex bodies back to a plane between them; False if they are too deep."""
+def _separate(one: _Piece, two: _Piece, two_from_one: list[F64], gap: float) -> bool:
+    """Cut two convex bodies back to one plane that parts them at both ends of a motion.
+
+    The hull of a body at both ends holds every place between them of a slide, and of a turn all
+    but the arc's height: the plane parts them all the way. False if they are too deep.
+    """
     if not len(one.vertices) or not len(two.vertices):
         return True
-    two_from_one = inverse(world_from_two) @ world_from_one
-    rot = two_from_one[:3, :3]
-    a = one.vertices @ rot.T + two_from_one[:3, 3]  # everything in the frame of the second
-    normals = np.concatenate([one.normals @ rot.T, -two.normals])  # from the first to the second
-    along_a, along_b = normals @ a.T, normals @ two.vertices.T
+    corners = np.concatenate([one.vertices @ m[:3, :3].T + m[:3, 3] for m in two_from_one])
+    turned = [one.normals @ m[:3, :3].T for m in two_from_one]
+    normals = np.concatenate([*turned, -two.normals])  # from the first to the second
+    along_a, along_b = normals @ corners.T, normals @ two.vertices.T
     depth = along_a.max(1) - along_b.min(1)
     best = int(np.argmin(depth))
     if depth[best] <= -gap:
         return True
-    width_a, width_b = np.ptp(along_a[best]), np.ptp(along_b[best])
-    share = float(width_a / max(width_a + width_b, 1e-300))
+    normal, top, bottom = normals[best], float(along_a[best].max()), float(along_b[best].min())
+    width_a = float(np.ptp(one.vertices @ (two_from_one[0][:3, :3].T @ normal)))
+    width_b = float(np.ptp(along_b[best]))
+    share = width_a / max(width_a + width_b, 1e-300)
     cut = float(depth[best]) + gap
     if cut * share > DEEPEST * width_a or cut * (1 - share) > DEEPEST * width_b:
         return False
-    normal = normals[best]
-    top, bottom = float(along_a[best].max()), float(along_b[best].min())
-    in_one = rot.T @ normal
-    level = top - cut * share - float(normal @ two_from_one[:3, 3])
-    one.recut(one.solid.trim_by_plane((-in_one).tolist(), -level))
+    for move in two_from_one:
+        in_one = move[:3, :3].T @ normal
+        level = top - cut * share - float(normal @ move[:3, 3])
+        one.recut(one.solid.trim_by_plane((-in_one).tolist(), -level))
     two.recut(two.solid.trim_by_plane(normal.tolist(), bottom + cut * (1 - share)))
     return True

@@ -19,9 +19,8 @@ F64 = NDArray[np.float64]
 VISUAL_GROUP = 2
 DENSE = 12_000  # faces of one body above which the sweep uses a simplified copy
 SAMPLES = 192  # points of the overlap whose depth is measured
-FEWEST = 48  # of them when the overlap has so many faces that
-PAIRS = 1_000_000  # point-triangle pairs would be exceeded: 0.3 s
-CHUNK = 400_000  # point-triangle pairs at a time: 100 MB
+FEW = 400  # triangles that are all compared with every point
+NEAREST = 32  # of more triangles, only those with the nearest centres: never less than the truth
 
 
 @dataclass(frozen=True)
@@ -167,41 +166,42 @@ def depth(both: Manifold) -> float:
 
 def _farthest(tri: F64, other: F64) -> float:
     """Return the largest distance from sampled points of some triangles to other triangles."""
-    points = _samples(tri, int(np.clip(PAIRS / len(other), FEWEST, SAMPLES)))
-    step = max(1, CHUNK // len(other))
-    return max(
-        float(point_triangle_distance(points[i : i + step], other).min(1).max())
-        for i in range(0, len(points), step)
-    )
+    from scipy.spatial import cKDTree
+
+    points = _samples(tri)
+    if len(other) <= FEW:
+        return float(point_triangle_distance(points[:, None], other[None]).min(1).max())
+    near = cKDTree(other.mean(1)).query(points, NEAREST)[1]
+    return float(point_triangle_distance(points[:, None], other[near]).min(1).max())
 
 
-def _samples(tri: F64, count: int) -> F64:
+def _samples(tri: F64) -> F64:
     """Return corners and area-weighted inner points of triangles, the same every time."""
     corners = np.unique(tri.reshape(-1, 3), axis=0)
     rng = np.random.default_rng(0)
-    if len(corners) > count:
-        corners = corners[rng.choice(len(corners), count, replace=False)]
+    if len(corners) > SAMPLES:
+        corners = corners[rng.choice(len(corners), SAMPLES, replace=False)]
     area = np.linalg.norm(np.cross(tri[:, 1] - tri[:, 0], tri[:, 2] - tri[:, 0]), axis=1)
     if not area.sum() > 0:
         return corners
-    chosen = tri[rng.choice(len(tri), count, p=area / area.sum())]
-    weights = rng.dirichlet(np.ones(3), count)
+    chosen = tri[rng.choice(len(tri), SAMPLES, p=area / area.sum())]
+    weights = rng.dirichlet(np.ones(3), SAMPLES)
     return np.concatenate([corners, np.einsum("nk,nki->ni", weights, chosen)])
 
 
 def point_triangle_distance(points: F64, tri: F64) -> F64:
-    """Return [P, T] distances from points [P, 3] to triangles [T, 3, 3]."""
-    normal = np.cross(tri[:, 1] - tri[:, 0], tri[:, 2] - tri[:, 0])
-    length = np.linalg.norm(normal, axis=1, keepdims=True)
+    """Return [...] distances from points [..., 3] to triangles [..., 3, 3], broadcasting."""
+    corner = [tri[..., k, :] for k in range(3)]
+    normal = np.cross(corner[1] - corner[0], corner[2] - corner[0])
+    length = np.linalg.norm(normal, axis=-1, keepdims=True)
     normal = normal / np.maximum(length, 1e-300)
-    best = np.full((len(points), len(tri)), np.inf)
-    inside = np.ones((len(points), len(tri)), bool) & (length[:, 0] > 0)
+    best: F64 = np.array(np.inf)
+    inside = length[..., 0] > 0
     for k in range(3):
-        start, edge = tri[:, k], tri[:, (k + 1) % 3] - tri[:, k]
-        offset = points[:, None] - start
+        offset, edge = points - corner[k], corner[(k + 1) % 3] - corner[k]
         along = (offset * edge).sum(-1) / np.maximum((edge * edge).sum(-1), 1e-300)
         gap = offset - np.clip(along, 0, 1)[..., None] * edge
         best = np.minimum(best, np.sqrt((gap * gap).sum(-1)))
-        inside &= (offset * np.cross(normal, edge)).sum(-1) >= 0
-    height = np.abs(((points[:, None] - tri[:, 0]) * normal).sum(-1))
+        inside = inside & ((offset * np.cross(normal, edge)).sum(-1) >= 0)
+    height = np.abs(((points - corner[0]) * normal).sum(-1))
     return np.where(inside, np.minimum(best, height), best)
