@@ -19,6 +19,7 @@ from part2gs_robotics.articulate import Motion
 from part2gs_robotics.config import Config, to_dict
 from part2gs_robotics.errors import ConfigError, StoreError
 from part2gs_robotics.gaussians import Gaussians
+from part2gs_robotics.hashing import code_version, hash_of
 from part2gs_robotics.jit_cache import prepare_jit_cache
 from part2gs_robotics.log import Progress, log_stage, logging_to
 from part2gs_robotics.outputs import write_outputs
@@ -34,7 +35,7 @@ from part2gs_robotics.saved import (
     save_parts,
 )
 from part2gs_robotics.scene import Scene, StateViews
-from part2gs_robotics.store import Saved, Store, code_version, hash_of
+from part2gs_robotics.store import Saved, Store
 from part2gs_robotics.twin import Part, Twin
 
 T = TypeVar("T")
@@ -62,7 +63,7 @@ def build(path: Path, config: Config) -> int:
     _require_device(config.fit.device)
     cache_note = prepare_jit_cache()
     store = Store(out)
-    store.refuse_if_locked()
+    store.refuse_early()
     began = time.monotonic()
     scene = read_scene(path, config.read)
     store.prepare()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import hashlib
 import json
 import os
@@ -17,7 +18,6 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from part2gs_robotics import __version__
 from part2gs_robotics.atomic import (
     remove_quietly,
     sync_folder,
@@ -27,7 +27,7 @@ from part2gs_robotics.atomic import (
 )
 from part2gs_robotics.errors import StoreError
 
-__all__ = ["Saved", "Store", "code_version", "hash_of", "read_stage", "write_bytes_atomic",
+__all__ = ["Saved", "Store", "read_stage", "write_bytes_atomic",
            "write_stage", "write_text_atomic"]
 
 T = TypeVar("T")
@@ -40,39 +40,6 @@ PUBLISHED = "published.json"  # files of the last good build
 TEMP_PID = re.compile(r"(?:\.tmp-|^\.new-)(\d+)$")
 # measured: 64 + 64 views at 400 x 400 leave about 60 MB of stages and 40 MB of twin
 NEEDED_BYTES = 256 << 20
-
-
-def hash_of(*parts: object) -> str:
-    """Return a sha256 of plain data, arrays, dataclass fields and bytes, in order."""
-    digest = hashlib.sha256()
-    for part in parts:
-        _update(digest, part)
-    return digest.hexdigest()
-
-
-def _update(digest: hashlib._Hash, part: object) -> None:
-    if isinstance(part, np.ndarray):
-        digest.update(f"{part.dtype}{part.shape}".encode())
-        digest.update(np.ascontiguousarray(part).tobytes())
-    elif isinstance(part, bytes):
-        digest.update(part)
-    elif isinstance(part, tuple | list):
-        digest.update(f"[{len(part)}".encode())
-        for item in part:
-            _update(digest, item)
-    else:
-        digest.update(json.dumps(part, sort_keys=True, default=str).encode())
-
-
-def code_version() -> str:
-    """Return a hash of this package's source: changed code never reuses old stages."""
-    import part2gs_robotics.exporters as exporters
-
-    digest = hashlib.sha256(__version__.encode())
-    for folder in (Path(__file__).parent, Path(exporters.__file__ or "").parent):
-        for file in sorted(folder.glob("*.py")):
-            digest.update(file.name.encode() + file.read_bytes())
-    return digest.hexdigest()
 
 
 @dataclass(frozen=True)
@@ -102,9 +69,6 @@ class Store:
         Raises:
             StoreError: not a folder, not writable, or too little free space.
         """
-        if self.out.exists() and not self.out.is_dir():
-            raise StoreError(f"{self.out}: is a file. Expected an output folder; choose another "
-                             "name with -o.")
         try:
             (self.out / STAGES).mkdir(parents=True, exist_ok=True)
         except OSError as err:
@@ -141,12 +105,18 @@ class Store:
         finally:
             os.close(handle)
 
-    def refuse_if_locked(self) -> None:
-        """Refuse at once when another build holds the folder.
+    def refuse_early(self) -> None:
+        """Refuse what can be seen without writing: a file, a read-only place, another build.
 
         Raises:
-            StoreError: naming its process and machine.
+            StoreError: naming what is in the way.
         """
+        place = next(path for path in (self.out, *self.out.absolute().parents) if path.exists())
+        if not place.is_dir():
+            raise StoreError(f"{place}: is a file. Expected an output folder; choose another name "
+                             "with -o.")
+        if not os.access(place, os.W_OK | os.X_OK):
+            raise write_error(self.out, PermissionError(errno.EACCES, os.strerror(errno.EACCES)))
         try:
             handle = os.open(self.out / LOCK, os.O_RDWR)
         except OSError:

@@ -1,0 +1,378 @@
+"""Every bad input ends with exit code 2, a message of four parts, and nothing half-written."""
+
+from __future__ import annotations
+
+import errno
+import json
+import os
+import shutil
+import struct
+import zlib
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+
+from part2gs_robotics import cli, store
+from part2gs_robotics.synth_photos import write_ball_scene
+
+START = "transforms_train_start.json"
+END = "transforms_train_end.json"
+FIRST = "start/train/rgba/0000.png"
+Break = Callable[[Path], list[str] | None]
+
+
+@pytest.fixture(scope="session")
+def good_scene(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return write_ball_scene(tmp_path_factory.mktemp("good") / "scene")
+
+
+def edit(change: Callable[[dict[str, Any]], object], name: str = START) -> Break:
+    """Change the content of one camera file."""
+
+    def run(scene: Path) -> None:
+        content = json.loads((scene / name).read_text())
+        change(content)
+        (scene / name).write_text(json.dumps(content))
+
+    return run
+
+
+def edit_frame(**values: object) -> Break:
+    return edit(lambda content: content["frames"][3].update(values))
+
+
+def edit_pose(change: Callable[[np.ndarray[Any, Any]], object]) -> Break:
+    def run(content: dict[str, Any]) -> None:
+        pose = np.array(content["frames"][3]["transform_matrix"])
+        change(pose)
+        content["frames"][3]["transform_matrix"] = pose.tolist()
+
+    return edit(run)
+
+
+def text(name: str, content: str) -> Break:
+    return lambda scene: (scene / name).write_text(content) and None
+
+
+def data(name: str, content: bytes) -> Break:
+    return lambda scene: (scene / name).write_bytes(content) and None
+
+
+def remove(name: str) -> Break:
+    return lambda scene: (scene / name).unlink()
+
+
+def arguments(*words: str) -> Break:
+    return lambda scene: list(words)
+
+
+def png_header(width: int, height: int) -> bytes:
+    body = b"IHDR" + struct.pack(">IIBBBBB", width, height, 8, 6, 0, 0, 0)
+    return b"\x89PNG\r\n\x1a\n" + struct.pack(">I", 13) + body + struct.pack(">I", zlib.crc32(body))
+
+
+def encoded(pixels: np.ndarray[Any, Any]) -> bytes:
+    return bytes(np.asarray(cv2.imencode(".png", pixels)[1]).tobytes())
+
+
+def all_images(change: Callable[[np.ndarray[Any, Any]], np.ndarray[Any, Any]],
+               state: str = "start") -> Break:
+    def run(scene: Path) -> None:
+        for file in (scene / state / "train" / "rgba").iterdir():
+            pixels = cv2.imread(str(file), cv2.IMREAD_UNCHANGED)
+            file.write_bytes(encoded(change(np.asarray(pixels))))
+
+    return run
+
+
+def with_alpha(value: int) -> Break:
+    def run(pixels: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
+        pixels[..., 3] = value
+        return pixels
+
+    return all_images(run)
+
+
+def empty_folder(scene: Path) -> None:
+    shutil.rmtree(scene)
+    scene.mkdir()
+
+
+def three_images(content: dict[str, Any]) -> None:
+    del content["frames"][3:]
+
+
+def other_frame(content: dict[str, Any]) -> None:
+    for frame in content["frames"]:
+        pose = np.array(frame["transform_matrix"])
+        pose[:3, 3] += [5.0, 0.0, 0.0]
+        frame["transform_matrix"] = pose.tolist()
+
+
+def opencv_axes(content: dict[str, Any]) -> None:
+    for frame in content["frames"]:
+        frame["transform_matrix"] = (np.array(frame["transform_matrix"])
+                                     @ np.diag([1.0, -1.0, -1.0, 1.0])).tolist()
+
+
+def scattered_cameras(content: dict[str, Any]) -> None:
+    rng = np.random.default_rng(0)
+    for frame in content["frames"]:
+        pose = np.array(frame["transform_matrix"])
+        pose[:3, 3] += rng.uniform(-2, 2, 3)  # the object is 2 units wide
+        frame["transform_matrix"] = pose.tolist()
+
+
+def symlink_out(scene: Path) -> None:
+    outside = scene.parent / "outside.png"
+    shutil.move(scene / FIRST, outside)
+    (scene / FIRST).symlink_to(outside)
+
+
+def wrong_masks(scene: Path) -> None:
+    all_images(lambda pixels: pixels[..., :3])(scene)
+    (scene / "start/train/masks").mkdir()
+    for file in (scene / "start/train/rgba").iterdir():
+        (scene / "start/train/masks" / file.name).write_bytes(
+            encoded(np.full((24, 24), 255, np.uint8)))
+
+
+def float_depth(scene: Path) -> None:
+    (scene / "depth.png").write_bytes(encoded(np.zeros((48, 48), np.uint8)))
+    edit(lambda c: [f.update(depth_file_path="depth.png") for f in c["frames"]])(scene)
+
+
+def yaml_bomb(scene: Path) -> None:
+    lines = ["a: &a [x, x, x, x, x, x, x, x, x]"]
+    lines += [f"{b}: &{b} [{', '.join(f'*{a}' for _ in range(9))}]"
+              for a, b in zip("abcdefgh", "bcdefghi", strict=True)]
+    (scene / "scene.yaml").write_text("\n".join(lines))
+
+
+def out_is_file(scene: Path) -> list[str]:
+    (scene.parent / "taken").write_text("a file")
+    return ["-o", str(scene.parent / "taken")]
+
+
+CASES: dict[str, tuple[Break, tuple[str, ...]]] = {
+    # the folder
+    "empty folder": (empty_folder, ("no cameras found", "holds nothing", "transforms.json")),
+    "one state missing": (remove(END), (END, "cannot be read")),
+    "frames without one state": (
+        lambda s: [(s / START).rename(s / "transforms.json"), (s / END).unlink()] and None,
+        ("24 frames of state 0, 0 of state 1",)),
+    "scene is a file": (lambda s: [shutil.rmtree(s), s.write_text("x")] and None,
+                        ("is a file", "scene folder")),
+    "scene does not exist": (lambda s: shutil.rmtree(s), ("is missing", "scene folder")),
+    # camera files
+    "json is not json": (text(START, "{'frames': ["), (START, "not valid JSON")),
+    "json is empty": (text(START, ""), (START, "not valid JSON")),
+    "json is a list": (text(START, "[1, 2]"), (START, "holds a list")),
+    "json is not text": (data(START, b"\xff\xfe\x00\x01"), (START, "not valid JSON")),
+    "json is nested too deeply": (text(START, "[" * 100_000), (START, "not valid JSON")),
+    "json with a number of 5,000 digits": (
+        lambda s: (s / START).write_text('{"camera_angle_x": ' + "9" * 5000 + "}") and None,
+        (START, "not valid JSON")),
+    "json with a number beyond float": (edit(lambda c: c.update(fl_x=10**400)),
+                                        ("fl_x", "finite number")),
+    "no frames": (edit(lambda c: c.pop("frames")), ("'frames' is missing",)),
+    "frames is a number": (edit(lambda c: c.update(frames=3)), ("'frames' is missing",)),
+    "a frame is a text": (edit(lambda c: c["frames"].append("x")), ("list of objects",)),
+    "3 images": (edit(three_images), ("3 posed images", "at least 20")),
+    "a frame twice": (edit(lambda c: c["frames"].append(c["frames"][0])),
+                      ("more than one camera",)),
+    "image without camera": (edit(lambda c: c["frames"].pop()),
+                             ("1 of 24 images have no camera", "0023.png", "--allow-missing")),
+    "frame without matrix": (edit(lambda c: c["frames"][3].pop("transform_matrix")),
+                             ("1 of 24 frames have no camera", "0003.png")),
+    "image file missing": (remove(FIRST), ("1 of 24 frames", "0000.png", "--allow-missing")),
+    "no intrinsics": (edit(lambda c: c.pop("camera_angle_x")), ("no intrinsics", "fl_x")),
+    "field of view of 4 rad": (edit(lambda c: c.update(camera_angle_x=4.0)), ("is 4", "pi")),
+    "negative focal length": (edit(lambda c: c.update(fl_x=-50.0)), ("focal length is -50",)),
+    "focal length is a text": (edit(lambda c: c.update(fl_x="wide")), ("fl_x is 'wide'",)),
+    "focal length is a matrix": (edit(lambda c: c.update(fl_x=[[1, 2], [3, 4]])), ("fl_x",)),
+    "principal point outside": (edit(lambda c: c.update(cx=500.0)), ("principal point is 500",)),
+    "fisheye": (edit(lambda c: c.update(camera_model="OPENCV_FISHEYE")),
+                ("OPENCV_FISHEYE is not supported", "undistort")),
+    "fisheye by flag": (edit(lambda c: c.update(is_fisheye=True)), ("fisheye is not supported",)),
+    "fourth radial coefficient": (edit_frame(k4=0.1), ("frame 3", "not supported")),
+    "time of a third state": (edit_frame(time=2), ("frame 3", "time is '2'")),
+    "other image size in json": (edit(lambda c: c.update(w=96, h=96)),
+                                 ("json says 96 x 96", "48 x 48")),
+    # poses
+    "NaN pose": (edit_pose(lambda m: m.__setitem__((0, 3), np.nan)), ("frame 3", "NaN")),
+    "infinite pose": (edit_pose(lambda m: m.__setitem__((0, 3), np.inf)), ("infinity",)),
+    "3 x 4 pose": (edit_frame(transform_matrix=np.eye(4)[:3].tolist()), ("shape (3, 4)", "4 x 4")),
+    "ragged pose": (edit_frame(transform_matrix=[[1, 0], [0]]), ("transform_matrix has shape",)),
+    "pose of words": (edit_frame(transform_matrix="here"), ("transform_matrix has shape",)),
+    "singular pose": (edit_frame(transform_matrix=np.diag([0.0, 0, 0, 1]).tolist()),
+                      ("not a rotation",)),
+    "scaled pose": (edit_pose(lambda m: m.__imul__(2)), ("not a rotation", "remove scale")),
+    "mirrored pose": (edit_frame(transform_matrix=np.diag([-1.0, 1, 1, 1]).tolist()),
+                      ("determinant -1",)),
+    "projective pose": (edit_pose(lambda m: m.__setitem__((3, 0), 1.0)), ("last row",)),
+    "states in different frames": (edit(other_frame, END), ("not in one frame", "COLMAP")),
+    "OpenCV axes": (edit(opencv_axes), ("contradict", "OpenGL axes")),
+    "scattered cameras": (edit(scattered_cameras), ("contradict",)),
+    # images
+    "0-byte image": (data(FIRST, b""), ("0000.png", "0 bytes")),
+    "text as image": (data(FIRST, b"not an image at all, just text"), ("not a PNG or JPEG",)),
+    "header of 20,000 x 20,000": (data(FIRST, png_header(20_000, 20_000)),
+                                  ("20000 x 20000", "8192")),
+    "header of 8,000 x 8,000": (data(FIRST, png_header(8000, 8000)), ("megapixels",)),
+    "header of no width": (data(FIRST, png_header(0, 48)), ("0 x 48",)),
+    "header without pixels": (data(FIRST, png_header(48, 48)), ("cannot be decoded",)),
+    "one larger image": (data(FIRST, encoded(np.zeros((96, 48, 4), np.uint8))),
+                         ("48 x 96", "one size")),
+    "black masks": (with_alpha(0), ("24 of 24 masks are empty",)),
+    "full masks": (with_alpha(255), ("24 of 24 masks are full",)),
+    "no masks": (all_images(lambda p: p[..., :3]), ("no alpha channel", "masks")),
+    "masks of another size": (wrong_masks, ("mask is 24 x 24", "48 x 48")),
+    "depth of 8 bits": (float_depth, ("depth image is uint8", "--no-depth")),
+    "image folder in place of an image": (
+        lambda s: [(s / FIRST).unlink(), (s / FIRST).mkdir()] and None, ("1 of 24 frames",)),
+    # paths
+    "path traversal": (edit_frame(file_path="../../../etc/passwd"), ("outside the scene",)),
+    "path traversal by backslash": (edit_frame(file_path="..\\..\\secret.png"), ("outside",)),
+    "absolute path": (edit_frame(file_path="/etc/passwd"), ("outside the scene",)),
+    "symlink out": (symlink_out, ("outside the scene",)),
+    "mask outside": (edit_frame(mask_path="../mask.png"), ("outside the scene",)),
+    "path with NUL": (edit_frame(file_path="a\0b.png"), ("frame 3", "name of a file")),
+    "path of 5,000 letters": (edit_frame(file_path="a" * 5000), ("frame 3", "name of a file")),
+    "path is a number": (edit_frame(file_path=7), ("frame 3", "name of a file")),
+    "path is a lone surrogate": (edit_frame(file_path="\ud800.png"), ("frame 3",)),
+    # scene.yaml
+    "unknown key in scene.yaml": (text("scene.yaml", "partz: 2"),
+                                  ("unknown key 'partz'", "Nearest valid name: 'parts'")),
+    "wrong value in scene.yaml": (text("scene.yaml", "parts: two"), ("parts is 'two'",)),
+    "up of zeros in scene.yaml": (text("scene.yaml", "up: [0, 0, 0]"), ("up is [0, 0, 0]",)),
+    "scene.yaml is a list": (text("scene.yaml", "- parts"), ("holds a list",)),
+    "scene.yaml is not YAML": (text("scene.yaml", "parts: [1"), ("cannot be read as YAML",)),
+    "scene.yaml with a tag": (text("scene.yaml", "parts: !!python/object:os.system x"),
+                              ("cannot be read as YAML",)),
+    "YAML bomb": (yaml_bomb, ("YAML alias",)),
+    "scene.yaml of a megabyte": (text("scene.yaml", "# " + "x" * 10**6), ("at most",)),
+    # flags
+    "--parts 0": (arguments("--parts", "0"), ("--parts is 0", "from 1 to 64")),
+    "--parts two": (arguments("--parts", "two"), ("--parts is 'two'", "whole number")),
+    "--preset best": (arguments("--preset", "best"), ("draft, standard, high",)),
+    "--seed -1": (arguments("--seed", "-1"), ("--seed is -1",)),
+    "--up 0 0 0": (arguments("--up", "0", "0", "0"), ("--up",)),
+    "--up nan": (arguments("--up", "nan", "0", "1"), ("--up",)),
+    "--max-side 1e9": (arguments("--max-side", "1e9"), ("--max-side",)),
+    "--device cuda": (arguments("--device", "cuda"), ("--device is cuda", "cpu")),
+    "unknown flag": (arguments("--partz", "2"), ("unknown flag --partz", "--parts")),
+    "flag without value": (arguments("--parts"), ("--parts", "expected one argument")),
+    "two scenes": (arguments("another"), ("got 2 paths",)),
+    # output
+    "output is a file": (out_is_file, ("is a file", "-o")),
+    "output below a file": (lambda s: [*out_is_file(s)[:1], str(s.parent / "taken" / "out")],
+                            ("taken: is a file", "-o")),
+    "output that cannot be created": (lambda s: ["-o", "/proc/part2gs_out"],
+                                      ("/proc/part2gs_out", "cannot be written")),
+    "output is the scene": (lambda s: ["-o", str(s)], ("never written",)),
+    "output inside the scene": (lambda s: ["-o", str(s / "out")], ("never written",)),
+}
+
+
+def test_there_are_enough_cases() -> None:
+    assert len(CASES) >= 30
+
+
+def run(scene: Path, capsys: pytest.CaptureFixture[str], *words: str) -> tuple[int, str]:
+    # few steps: a case that is not refused should fail the test, not stall it
+    code = cli.main(["build", str(scene), "--steps", "1", *words])
+    captured = capsys.readouterr()
+    assert "Traceback" not in captured.err + captured.out
+    return code, captured.err
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_bad_input_is_refused(name: str, good_scene: Path, tmp_path: Path,
+                              capsys: pytest.CaptureFixture[str]) -> None:
+    breaking, fragments = CASES[name]
+    scene = tmp_path / "scene"
+    shutil.copytree(good_scene, scene)
+    words = breaking(scene) or []
+    before = sorted(tmp_path.rglob("*"))
+    out = [] if "-o" in words else ["-o", str(tmp_path / "out")]
+    code, message = run(scene, capsys, *words, *out)
+    assert code == 2, message
+    assert message.startswith("error: ")
+    for fragment in fragments:
+        assert fragment in message
+    assert message.count(". ") >= 1, "says what was expected after what was wrong"
+    assert sorted(tmp_path.rglob("*")) == before, "nothing is left behind"
+
+
+def test_full_disk_keeps_earlier_results(good_scene: Path, tmp_path: Path,
+                                         monkeypatch: pytest.MonkeyPatch,
+                                         capsys: pytest.CaptureFixture[str]) -> None:
+    out = tmp_path / "out"
+    out.mkdir()
+    (out / "twin.xml").write_text("earlier")
+
+    def full(handle: int) -> None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(os, "fsync", full)
+    code, message = run(good_scene, capsys, "-o", str(out))
+    assert code == 2
+    assert "No space left" in message
+    assert "free some space" in message
+    assert (out / "twin.xml").read_text() == "earlier"
+    assert not [path for path in out.rglob("*") if ".tmp-" in path.name]
+
+
+def test_too_little_free_space_is_refused_before_fitting(
+    good_scene: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.setattr(store, "NEEDED_BYTES", 1 << 60)
+    code, message = run(good_scene, capsys, "-o", str(tmp_path / "out"))
+    assert code == 2
+    assert "MB free" in message
+
+
+def test_unwritable_kernel_cache_is_named(good_scene: Path, tmp_path: Path,
+                                          monkeypatch: pytest.MonkeyPatch,
+                                          capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "file").write_text("")
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "file" / "cache"))
+    code, message = run(good_scene, capsys, "-o", str(tmp_path / "out"))
+    assert code == 2
+    assert "NUMBA_CACHE_DIR" in message
+    assert not (tmp_path / "out").exists()
+
+
+def test_second_build_in_one_folder_is_refused(good_scene: Path, tmp_path: Path,
+                                               capsys: pytest.CaptureFixture[str]) -> None:
+    first = store.Store(tmp_path / "out")
+    first.prepare()
+    with first.locked():
+        code, message = run(good_scene, capsys, "-o", str(tmp_path / "out"))
+    assert code == 2
+    assert f"pid {os.getpid()} on" in message
+
+
+@pytest.mark.skipif(os.geteuid() == 0, reason="permissions do not bind the superuser")
+def test_read_only_output_is_refused(good_scene: Path, tmp_path: Path,
+                                     capsys: pytest.CaptureFixture[str]) -> None:
+    out = tmp_path / "out"
+    out.mkdir(mode=0o500)
+    code, message = run(good_scene, capsys, "-o", str(out))
+    assert code == 2
+    assert "Permission denied" in message
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")
+def test_write_to_a_full_device_is_a_store_error(tmp_path: Path) -> None:
+    target = tmp_path / f"report.json.tmp-{os.getpid()}"
+    target.symlink_to("/dev/full")
+    with pytest.raises(store.StoreError, match="No space left"):
+        store.write_bytes_atomic(tmp_path / "report.json", b"x" * 100_000)
+    assert not (tmp_path / "report.json").exists()
