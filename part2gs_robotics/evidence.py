@@ -133,3 +133,21 @@ def depth_maps_of_images(state: StateViews) -> DepthMaps:
     if state.depths is None:
         raise ValueError("this state has no depth images")
     return DepthMaps(state.depths, state.alphas, state.Ks, state.viewmats)
+
+
+def render_depth_maps(gaussians: Gaussians, state: StateViews) -> DepthMaps:
+    """Return the first-surface depth of Gaussians in every view of a state.
+
+    Depth is the median depth where at least half of the light is stopped and the image's own mask
+    agrees; masks come from the images, so background stays exactly what the photos say.
+    """
+    from part2gs_robotics.render_cpu import render
+
+    depths = np.zeros(state.alphas.shape, np.float32)
+    arrays = (gaussians.means, gaussians.quats, gaussians.scales, gaussians.opacities,
+              gaussians.colors)
+    for v in range(len(state)):
+        seen = render(*arrays, state.viewmats[v], state.Ks[v], state.width, state.height)
+        solid = (seen.alpha > SOLID_ALPHA) & (state.alphas[v] > SOLID_ALPHA * 255)
+        depths[v] = np.where(solid, seen.median_depth, 0.0)
+    return DepthMaps(depths, state.alphas, state.Ks, state.viewmats)

@@ -1,0 +1,234 @@
+"""Meshing: evidence of two states, part identities and joints -> one closed mesh per part."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from part2gs_robotics.articulate import Motion
+from part2gs_robotics.carve import F64, Solid, carve, chain, sweep
+from part2gs_robotics.config import MeshConfig
+from part2gs_robotics.errors import MeshError
+from part2gs_robotics.evidence import observe
+from part2gs_robotics.fuse import TRUNCATION, Fused, Grid, fuse
+from part2gs_robotics.gaussians import Gaussians
+from part2gs_robotics.part_maps import PartMaps, render_part_maps
+from part2gs_robotics.part_solids import (
+    base_solid,
+    calm,
+    cavity,
+    clear_cavity,
+    keep_large,
+    moving_solid,
+    without_fins,
+)
+from part2gs_robotics.scene import Scene
+from part2gs_robotics.se3 import apply, inverse
+from part2gs_robotics.surface import arrays, closed_surface
+from part2gs_robotics.twin import Part, PartMesh
+
+if TYPE_CHECKING:
+    from manifold3d import Manifold
+
+MARGIN = TRUNCATION + 2.0  # voxels around a part: its distances fade to the truncation in there
+SOLID_OPACITY = 0.3  # fainter Gaussians are haze, no surface
+CROSSING = 0.02  # share of a part; two moving parts that overlap more really cross on their ways
+COLOR_NEIGHBORS = 4  # nearest Gaussians blended into a vertex colour
+SEEN = 1.5  # voxels between a vertex and a first surface for the vertex to count as observed
+
+
+class _Place:
+    """Where every part is in either state, and the Gaussians carried back to state 0."""
+
+    def __init__(self, gaussians: tuple[Gaussians, Gaussians], motion: Motion) -> None:
+        self.joints, self.parents = motion.joints, motion.parents
+        self.count = len(motion.joints) + 1
+        values = [j.value for j in motion.joints]
+        self.state1_from_0 = [chain(k, self.joints, self.parents, values)
+                              for k in range(self.count)]
+        self.points: list[F64] = []
+        self.colors: list[NDArray[np.float64]] = []
+        self.num_gaussians: list[int] = []
+        for k in range(self.count):
+            mine = [g.select((motion.labels(s) == k) & (g.opacities > SOLID_OPACITY))
+                    for s, g in enumerate(gaussians)]
+            back = apply(inverse(self.state1_from_0[k]), mine[1].means.astype(float))
+            self.points.append(np.concatenate([mine[0].means.astype(float), back]))
+            self.colors.append(np.concatenate([g.colors for g in mine]).astype(float))
+            self.num_gaussians.append(sum(int((motion.labels(s) == k).sum()) for s in (0, 1)))
+
+    def box(self, part: int) -> tuple[F64, F64]:
+        """Return the box of a part's Gaussians at state 0."""
+        return self.points[part].min(0), self.points[part].max(0)
+
+
+def build_parts(scene: Scene, gaussians: tuple[Gaussians, Gaussians], motion: Motion,
+                config: MeshConfig) -> tuple[Part, ...]:
+    """Build one watertight coloured mesh per part, apart in both states and along the sweeps.
+
+    Args:
+        scene: posed images of both states; depth images are used where there are some.
+        gaussians: of state 0 and state 1.
+        motion: part identities and joints.
+        config: grid resolution and clearance.
+
+    Returns:
+        Base first, in the world frame at state 0, with convex collision pieces.
+
+    Raises:
+        MeshError: a part has no Gaussians, no volume, or no closed surface.
+    """
+    place = _Place(gaussians, motion)
+    for k in range(place.count):
+        if len(place.points[k]) == 0:
+            raise MeshError(f"{part_name(k)}: 0 Gaussians carry this part's identity. Needed some "
+                            "in either state; lower --parts, or give views that show the part.")
+    maps = [render_part_maps(gaussians[s], motion.part_probs[s], scene.states[s]) for s in (0, 1)]
+    maps, place = _inside_masks(maps, place)
+    grid = _grid(place, config.resolution)
+    solids = build_solids(place, maps, grid, config.clearance_voxels)
+    surfaces = [closed_surface(s, part_name(k), config.clearance_voxels)
+                for k, s in enumerate(solids)]
+    surfaces = _apart(surfaces, place, solids)
+    return tuple(_part(k, surfaces[k], place, maps, grid.voxel, motion)
+                 for k in range(place.count))
+
+
+def part_name(part: int) -> str:
+    """Return the file-safe name of a part."""
+    return f"part_{part}" if part else "base"
+
+
+def _inside_masks(maps: list[PartMaps], place: _Place) -> tuple[list[PartMaps], _Place]:
+    """Drop Gaussians that most views see through: floaters would only widen the grid."""
+    for k in range(place.count):
+        seen = [observe(apply(place.state1_from_0[k], place.points[k]) if s else place.points[k],
+                        maps[s].maps, np.inf) for s in (0, 1)]
+        fine = (seen[0].outside <= 1) | (seen[1].outside <= 1)
+        if fine.any():
+            place.points[k], place.colors[k] = place.points[k][fine], place.colors[k][fine]
+    return maps, place
+
+
+def _grid(place: _Place, resolution: int) -> Grid:
+    """Return the grid around all parts at state 0."""
+    boxes = [place.box(k) for k in range(place.count)]
+    lo, hi = np.min([b[0] for b in boxes], 0), np.max([b[1] for b in boxes], 0)
+    voxel = float((hi - lo).max()) / resolution
+    return Grid.around(lo - MARGIN * voxel, hi + MARGIN * voxel, voxel)
+
+
+def build_solids(place: _Place, maps: list[PartMaps], grid: Grid,
+                 clearance: float) -> list[Solid]:
+    """Return the solids of all parts, none in the way of another."""
+    eye, reach = np.eye(4), MARGIN * grid.voxel
+    evidence: list[Fused] = []
+    solids: list[Solid] = []
+    for k in range(place.count):
+        lo, hi = place.box(k)
+        window = grid.window(lo - reach, hi + reach) if k else grid
+        states = [(maps[0], eye), (maps[1], place.state1_from_0[k])]
+        evidence.append(fuse(window, k, states, TRUNCATION * grid.voxel))
+        solids.append(keep_large(moving_solid(evidence[k]) if k else base_solid(evidence[k])))
+    for k in range(2, place.count):
+        for j in range(1, k):
+            solids[k] = _yield_to(solids[k], solids[j], k, j, place, clearance)
+        solids[k] = keep_large(solids[k])
+    solids[0] = _carve_base(solids, evidence, place, clearance)
+    return solids
+
+
+def _carve_base(solids: list[Solid], evidence: list[Fused], place: _Place,
+                clearance: float) -> Solid:
+    """Return the base with room for every part and for what it sweeps."""
+    base = solids[0]
+    for k in range(1, place.count):
+        room = cavity(solids[k], evidence[k])
+        for pose in (np.eye(4), inverse(place.state1_from_0[k])):
+            base = clear_cavity(base, evidence[0], room, solids[k], pose)
+    sweeps = [sweep(k, 0, place.joints, place.parents, solids[k].corners(), base.grid.voxel)
+              for k in range(1, place.count)]
+    for last in (False, True):  # between the two, what the first left of the unknown is smoothed
+        for k, poses in enumerate(sweeps, 1):
+            base = carve(base, solids[k], poses, clearance)
+        base = without_fins(base, evidence[0]) if last else calm(base, evidence[0])
+    return keep_large(base)
+
+
+def _yield_to(solid: Solid, rival: Solid, part: int, other: int, place: _Place,
+              clearance: float) -> Solid:
+    """Return a moving part without what an earlier one needs.
+
+    Both observed states must be free of overlap. Along the sweeps a part yields only a little: a
+    drawer behind a door really meets it when only one of them is open.
+    """
+    values = [j.value for j in place.joints]
+    observed = np.stack([
+        inverse(chain(other, place.joints, place.parents, q))
+        @ chain(part, place.joints, place.parents, q) for q in ([0.0] * len(values), values)])
+    out = carve(solid, rival, observed, clearance)
+    poses = sweep(other, part, place.joints, place.parents, rival.corners(), rival.grid.voxel)
+    swept = carve(out, rival, poses, clearance)
+    return swept if swept.volume >= (1 - CROSSING) * out.volume else out
+
+
+def _apart(surfaces: list[Manifold], place: _Place, solids: list[Solid]) -> list[Manifold]:
+    """Return the surfaces with any overlap left by simplification cut off exactly."""
+    from part2gs_robotics.surface import flaw
+
+    values = [j.value for j in place.joints]
+    for k in range(1, place.count):
+        for j in range(k):
+            poses = [np.eye(4), inverse(chain(j, place.joints, place.parents, values))
+                     @ chain(k, place.joints, place.parents, values)]
+            keep, cut = (k, j) if j == 0 else (j, k)
+            for pose in poses:
+                rival = pose if keep == k else inverse(pose)
+                tool = surfaces[keep].transform(rival[:3])
+                if (surfaces[cut] ^ tool).volume() <= 0:
+                    continue
+                trimmed = (surfaces[cut] - tool).simplify(1e-3 * solids[cut].grid.voxel)
+                if flaw(trimmed) is None:
+                    surfaces[cut] = trimmed
+    return surfaces
+
+
+def _part(part: int, surface: Manifold, place: _Place, maps: list[PartMaps], voxel: float,
+          motion: Motion) -> Part:
+    """Return the finished part: colours, collision pieces, joint and limits."""
+    from part2gs_robotics.convex import convex_pieces
+
+    vertices, faces = arrays(surface)
+    mesh = PartMesh(vertices, faces, _colors(vertices, place, part),
+                    _synthesised(vertices, faces, place.state1_from_0[part], maps, voxel))
+    joint = place.joints[part - 1] if part else None
+    value = joint.value if joint else 0.0
+    name, carrier = part_name(part), place.parents[part - 1] if part else -1
+    diagnostics = motion.diagnostics[part - 1] if 0 < part <= len(motion.diagnostics) else {}
+    return Part(name, carrier, mesh, convex_pieces(mesh, tolerance=voxel), joint,
+                (min(0.0, value), max(0.0, value)), "measured", place.num_gaussians[part],
+                dict(diagnostics))
+
+
+def _colors(vertices: F64, place: _Place, part: int) -> NDArray[np.uint8]:
+    """Return the colour of the nearest Gaussians of either state at every vertex."""
+    from scipy.spatial import cKDTree
+
+    near = min(COLOR_NEIGHBORS, len(place.points[part]))
+    distance, index = cKDTree(place.points[part]).query(vertices, k=[*range(1, near + 1)])
+    weight = 1.0 / np.maximum(distance, 1e-9)
+    blend = np.einsum("vk,vkc->vc", weight, place.colors[part][index]) / weight.sum(1)[:, None]
+    return np.asarray(np.clip(np.rint(255 * blend), 0, 255), np.uint8)
+
+
+def _synthesised(vertices: F64, faces: NDArray[np.int64], state1_from_0: F64,
+                 maps: list[PartMaps], voxel: float) -> float:
+    """Return the share of the surface area that no view of either state sees as first surface."""
+    seen = np.zeros(len(vertices), bool)
+    for s, points in enumerate((vertices, apply(state1_from_0, vertices))):
+        seen |= observe(points, maps[s].maps, SEEN * voxel).surface > 0
+    a, b, c = (vertices[faces[:, i]] for i in range(3))
+    area = np.linalg.norm(np.cross(b - a, c - a), axis=1)
+    return float(1.0 - (area * seen[faces].mean(1)).sum() / max(area.sum(), 1e-300))
