@@ -247,12 +247,12 @@ def project_backward(means: Floats, quats: Floats, scales: Floats, opacities: Fl
     """Sum each Gaussian's per-tile gradients in a fixed order, then carry them to its inputs.
 
     partial [M, 10 + C] holds one row per (Gaussian, tile); slots[first[i]:first[i + 1]] are the
-    rows of Gaussian i.
+    rows of Gaussian i. The sum is left in the first of them.
     """
     for i in prange(len(means)):
         if first[i + 1] > first[i]:
-            g = np.zeros(partial.shape[1], partial.dtype)
-            for k in range(first[i], first[i + 1]):
+            g = partial[slots[first[i]]]
+            for k in range(first[i] + 1, first[i + 1]):
                 for j in range(partial.shape[1]):
                     g[j] += partial[slots[k], j]
             d_opacities[i] = g[0] / opacities[i]

@@ -1,0 +1,301 @@
+"""Laws of the CPU rasteriser: gradients, parity with the reference, determinism, degenerate input."""
+
+from __future__ import annotations
+
+import numba
+import numpy as np
+import pytest
+import torch
+from numpy.typing import NDArray
+
+from part2gs_robotics.render_cpu import Gradients, Rendered, render, render_backward
+from part2gs_robotics.render_reference import render_reference
+
+Array = NDArray[np.float64]
+INPUTS = ("means", "quats", "scales", "opacities", "colors", "extra")
+IMAGES = ("color", "alpha", "depth", "extra")
+WIDTH, HEIGHT = 21, 38  # multiples of neither tile side; more than one tile in both directions
+BACKGROUND = np.array([0.2, 0.5, 0.7])
+
+
+def _camera() -> tuple[Array, Array]:
+    """A camera at distance 1.5, turned about two axes, with an off-centre principal point."""
+    a, b = 0.3, -0.2
+    yaw = np.array([[np.cos(a), 0, np.sin(a)], [0, 1, 0], [-np.sin(a), 0, np.cos(a)]])
+    pitch = np.array([[1, 0, 0], [0, np.cos(b), -np.sin(b)], [0, np.sin(b), np.cos(b)]])
+    viewmat = np.eye(4)
+    viewmat[:3, :3] = pitch @ yaw
+    viewmat[2, 3] = 1.5
+    return viewmat, np.array([[30.0, 0, 9.0], [0, 33.0, 21.0], [0, 0, 1]])
+
+
+VIEWMAT, INTRINSICS = _camera()
+
+
+def _world(camera_points: Array) -> Array:
+    return (camera_points - VIEWMAT[:3, 3]) @ VIEWMAT[:3, :3]
+
+
+def _draw(kind: str, seed: int, n: int = 6) -> dict[str, Array]:
+    """Random Gaussians of one kind; positions are chosen in the camera frame."""
+    rng = np.random.default_rng(seed)
+    z = rng.uniform(1.0, 2.0, n)
+    reach = 0.35
+    scales = np.exp(rng.normal(-2.3, 0.6, (n, 3)))
+    opacities = rng.uniform(0.05, 0.98, n)
+    if kind == "near":
+        z = rng.uniform(0.1, 0.4, n)
+        scales *= z[:, None]
+    elif kind == "offscreen":
+        reach = 1.2
+        scales *= 3
+    elif kind == "needle":
+        scales = np.stack([rng.uniform(0.2, 0.8, n), *rng.uniform(1e-5, 1e-3, (2, n))], axis=1)
+    elif kind == "covered":
+        scales += 0.5
+        opacities = rng.uniform(0.9, 1.0, n)
+    xy = rng.uniform(-reach, reach, (n, 2)) * z[:, None]
+    return {"means": _world(np.column_stack([xy, z])), "quats": rng.normal(size=(n, 4)),
+            "scales": scales, "opacities": opacities, "colors": rng.uniform(0, 1, (n, 3)),
+            "extra": rng.normal(size=(n, 2))}
+
+
+def _render(g: dict[str, Array], dtype: type[np.floating] = np.float64) -> Rendered:
+    v = {k: a.astype(dtype) for k, a in g.items()}
+    return render(v["means"], v["quats"], v["scales"], v["opacities"], v["colors"], VIEWMAT,
+                  INTRINSICS, WIDTH, HEIGHT, extra=v["extra"], background=BACKGROUND)
+
+
+def _weights(seed: int) -> dict[str, Array]:
+    """Random linear loss over all images."""
+    rng = np.random.default_rng(seed + 10_000)
+    shape = (HEIGHT, WIDTH)
+    return {"color": rng.normal(size=(*shape, 3)), "alpha": rng.normal(size=shape),
+            "depth": rng.normal(size=shape), "extra": rng.normal(size=(*shape, 2))}
+
+
+def _loss(rendered: Rendered, weights: dict[str, Array]) -> float:
+    return sum(float(np.sum(getattr(rendered, k) * weights[k])) for k in IMAGES)
+
+
+def _backward(rendered: Rendered, w: dict[str, Array]) -> Gradients:
+    return render_backward(rendered, w["color"], w["alpha"], w["depth"], w["extra"])
+
+
+def _difference_error(g: dict[str, Array], name: str, weights: dict[str, Array], gradient: Array,
+                      seed: int) -> float:
+    """Relative error of the slope along a random direction, better of two steps."""
+    direction = np.random.default_rng(seed).normal(size=g[name].shape)
+    direction *= np.abs(g[name]) + 0.01 if name == "scales" else 1.0
+    scale = np.linalg.norm(gradient * direction) + 1e-6
+    best = np.inf
+    for step in (1e-6, 2e-7):
+        up, down = ({**g, name: g[name] + sign * step * direction} for sign in (1, -1))
+        slope = (_loss(_render(up), weights) - _loss(_render(down), weights)) / (2 * step)
+        best = min(best, abs(slope - float(np.sum(gradient * direction))) / scale)
+        if best < 1e-6:
+            break
+    return best
+
+
+def _gradient_error(kind: str, seed: int, name: str) -> float:
+    """Relative error of one input's gradient, best of three points close to each other.
+
+    The image jumps where alpha crosses 1/255 or a pixel stops. A jump spoils the difference at one
+    point; a wrong gradient disagrees at every point.
+    """
+    best = np.inf
+    for attempt in range(3):
+        g, weights = _draw(kind, seed), _weights(seed)
+        g["means"] += 1e-4 * attempt * np.random.default_rng(attempt).normal(size=g["means"].shape)
+        gradient = getattr(_backward(_render(g), weights), name)
+        best = min(best, _difference_error(g, name, weights, gradient, seed))
+        if best < 1e-6:
+            break
+    return best
+
+
+@pytest.mark.parametrize("kind", ["mixed", "near", "offscreen", "needle", "covered"])
+def test_gradients_equal_finite_differences(kind: str) -> None:
+    for seed in range(45):
+        for name in INPUTS:
+            error = _gradient_error(kind, seed, name)
+            assert error < 1e-6, (kind, seed, name, error)
+
+
+def _reference(g: dict[str, Array], weights: dict[str, Array]) -> tuple[Rendered, dict[str, Array]]:
+    t = {k: torch.tensor(a, requires_grad=True) for k, a in g.items()}
+    out = render_reference(t["means"], t["quats"], t["scales"], t["opacities"], t["colors"],
+                           torch.tensor(VIEWMAT), torch.tensor(INTRINSICS), WIDTH, HEIGHT,
+                           extra=t["extra"], background=torch.tensor(BACKGROUND))
+    loss = sum((getattr(out, k) * torch.tensor(weights[k])).sum() for k in IMAGES)
+    assert isinstance(loss, torch.Tensor)
+    loss.backward()
+    gradients = {k: a.grad.numpy() for k, a in t.items() if a.grad is not None}
+    return out, gradients  # type: ignore[return-value]
+
+
+@pytest.mark.parametrize("kind", ["mixed", "near", "offscreen", "needle", "covered"])
+@pytest.mark.parametrize(("dtype", "value_error", "gradient_error"), [
+    # float64 differs by the order of sums and by the inverse's conditioning (needles: 1e6).
+    (np.float64, 1e-9, 1e-8),
+    # float32: an image's slope of up to 20 per pixel times centres rounded at 4e-6 px; gradients
+    # add 1 / (1 - alpha) <= 100 on their smallest terms.
+    (np.float32, 1e-4, 2e-3)])
+def test_images_and_gradients_equal_reference(kind: str, dtype: type[np.floating],
+                                              value_error: float, gradient_error: float) -> None:
+    for seed in range(4):
+        g, weights = _draw(kind, seed), _weights(seed)
+        g = {k: a.astype(np.float32).astype(np.float64) for k, a in g.items()}
+        fast = _render(g, dtype)
+        truth, truth_gradients = _reference(g, weights)
+        for name in (*IMAGES, "median_depth"):
+            expected = getattr(truth, name).detach().numpy()
+            np.testing.assert_allclose(getattr(fast, name), expected, rtol=0, atol=value_error)
+        gradients = _backward(fast, weights)
+        for name, expected in truth_gradients.items():
+            error = np.linalg.norm(getattr(gradients, name) - expected)
+            assert error <= gradient_error * np.linalg.norm(expected) + 1e-9, (seed, name)
+
+
+@pytest.mark.skipif(numba.config.NUMBA_NUM_THREADS < 2, reason="needs two threads to compare")
+def test_result_does_not_depend_on_thread_count() -> None:
+    g, weights = _draw("mixed", 0, n=300), _weights(0)
+    before, results = numba.get_num_threads(), []
+    try:
+        for threads in (1, 2):
+            numba.set_num_threads(threads)
+            rendered = _render(g, np.float32)
+            gradients = _backward(rendered, weights)
+            results.append([getattr(rendered, k) for k in (*IMAGES, "median_depth")]
+                           + [getattr(gradients, k) for k in (*INPUTS, "means2d_abs")])
+    finally:
+        numba.set_num_threads(before)
+    for one, two in zip(*results, strict=True):
+        np.testing.assert_array_equal(one, two)
+
+
+def test_permuting_gaussians_permutes_gradients() -> None:
+    g, weights = _draw("mixed", 3, n=40), _weights(3)
+    order = np.random.default_rng(0).permutation(40)
+    shuffled = {k: a[order] for k, a in g.items()}
+    one, two = _render(g), _render(shuffled)
+    np.testing.assert_array_equal(one.color, two.color)
+    for name in INPUTS:
+        np.testing.assert_array_equal(getattr(_backward(one, weights), name)[order],
+                                      getattr(_backward(two, weights), name))
+
+
+def test_one_gaussian_has_its_closed_form() -> None:
+    sigma, z, f, opacity = 0.2, 2.0, 50.0, 0.6
+    out = render(np.array([[0.0, 0, z]]), np.array([[2.0, 0, 0, 0]]), np.full((1, 3), sigma),
+                 np.array([opacity]), np.array([[1.0, 0.5, 0]]), np.eye(4),
+                 np.array([[f, 0, 16.5], [0, f, 16.5], [0, 0, 1]]), 33, 33)
+    variance = (f * sigma / z) ** 2 + 0.3
+    y, x = np.mgrid[:33, :33] - 16.0
+    expected = opacity * np.exp(-0.5 * (x * x + y * y) / variance)
+    expected[expected < 1 / 255] = 0
+    np.testing.assert_allclose(out.alpha, expected, atol=1e-12)
+    np.testing.assert_allclose(out.color[..., 1], 0.5 * expected, atol=1e-12)
+    np.testing.assert_allclose(out.depth, z * expected, atol=1e-12)
+    np.testing.assert_array_equal(out.median_depth, np.where(expected > 0.5, z, 0))
+
+
+def test_no_gaussian_shows_the_background() -> None:
+    g = {k: a[:0] for k, a in _draw("mixed", 0).items()}
+    rendered = _render(g, np.float32)
+    np.testing.assert_allclose(rendered.color, np.broadcast_to(BACKGROUND, (HEIGHT, WIDTH, 3)),
+                               rtol=1e-7)
+    assert not rendered.alpha.any()
+    assert _backward(rendered, _weights(0)).means.shape == (0, 3)
+
+
+def test_gaussians_behind_the_camera_are_not_drawn() -> None:
+    g = _draw("mixed", 0)
+    g["means"] = _world((g["means"] @ VIEWMAT[:3, :3].T + VIEWMAT[:3, 3]) * [1, 1, -1])
+    rendered = _render(g)
+    assert rendered.num_visible == 0
+    assert not rendered.alpha.any()
+    assert not _backward(rendered, _weights(0)).means.any()
+
+
+@pytest.mark.parametrize("size", [(21, 38), (24, 64), (25, 65), (33, 40)])
+def test_any_image_size_is_a_crop_of_a_larger_one(size: tuple[int, int]) -> None:
+    # From 21 x 38 on, no Gaussian is outside the field of view, where the Jacobian depends on it.
+    g = _draw("mixed", 1, n=20)
+    args = [g[k] for k in INPUTS[:-1]]
+    small = render(*args, VIEWMAT, INTRINSICS, *size)
+    large = render(*args, VIEWMAT, INTRINSICS, 70, 70)
+    width, height = size
+    np.testing.assert_allclose(small.color, large.color[:height, :width], rtol=0, atol=1e-12)
+    np.testing.assert_array_equal(small.median_depth, large.median_depth[:height, :width])
+
+
+@pytest.mark.parametrize("size", [(1, 1), (7, 31), (8, 32), (9, 33)])
+def test_small_images_have_their_size_and_finite_values(size: tuple[int, int]) -> None:
+    g = _draw("mixed", 1, n=20)
+    rendered = render(*(g[k] for k in INPUTS[:-1]), VIEWMAT, INTRINSICS, *size)
+    assert rendered.color.shape == (size[1], size[0], 3)
+    assert np.isfinite(render_backward(rendered, np.ones_like(rendered.color)).means).all()
+
+
+def test_opacity_zero_is_absent_and_one_is_clamped() -> None:
+    g = _draw("covered", 0)
+    g["opacities"][:] = 0.0
+    rendered = _render(g)
+    assert not rendered.alpha.any()
+    assert not _backward(rendered, _weights(0)).colors.any()
+    g["opacities"][:] = 1.0
+    g["scales"][:] = 50.0
+    rendered = _render({k: a[:1] for k, a in g.items()})
+    np.testing.assert_allclose(rendered.alpha, 0.99, rtol=1e-12)
+    assert not _backward(rendered, _weights(0)).opacities.any()
+
+
+def test_coincident_gaussians_blend_in_the_order_of_their_indices() -> None:
+    g = {k: np.repeat(a[:1], 2, axis=0) for k, a in _draw("covered", 2).items()}
+    g["opacities"][:] = 0.5
+    g["colors"] = np.array([[1.0, 0, 0], [0, 1.0, 0]])
+    image = _render(g, np.float32).color - (1 - _render(g, np.float32).alpha)[..., None] * BACKGROUND
+    alpha = _render({k: a[:1] for k, a in g.items()}, np.float32).alpha
+    np.testing.assert_allclose(image[..., 0], alpha, atol=1e-6)
+    np.testing.assert_allclose(image[..., 1], alpha * (1 - alpha), atol=1e-6)
+
+
+@pytest.mark.parametrize("name", INPUTS)
+@pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
+@pytest.mark.parametrize("dtype", [np.float32, np.float64])
+def test_gaussian_that_is_not_finite_is_left_out(name: str, value: float,
+                                                 dtype: type[np.floating]) -> None:
+    g = _draw("mixed", 4)
+    broken = {k: a.copy() for k, a in g.items()}
+    broken[name][2] = value
+    expected = _render({k: np.delete(a, 2, axis=0) for k, a in g.items()}, dtype)
+    rendered = _render(broken, dtype)
+    np.testing.assert_array_equal(rendered.color, expected.color)
+    gradients = _backward(rendered, _weights(4))
+    assert all(np.isfinite(getattr(gradients, k)).all() for k in INPUTS)
+    assert not gradients.means[2].any()
+
+
+def test_huge_gaussian_covers_the_image_without_overflow() -> None:
+    g = {k: a[:1] for k, a in _draw("mixed", 5).items()}
+    g["scales"] = np.full((1, 3), 1e12)
+    rendered = _render(g, np.float32)
+    np.testing.assert_allclose(rendered.alpha, g["opacities"][0], rtol=1e-5)
+
+
+def test_screen_gradient_is_the_slope_of_a_shift() -> None:
+    g = {k: a[:1] for k, a in _draw("mixed", 6).items()}
+    weights = _weights(6)
+    shifted = []
+    for axis in (0, 1):
+        for sign in (1, -1):
+            K = INTRINSICS.copy()
+            K[axis, 2] += sign * 1e-6
+            out = render(*(g[k] for k in INPUTS[:-1]), VIEWMAT, K, WIDTH, HEIGHT)
+            shifted.append(float(np.sum(out.color * weights["color"])))
+    slope = np.array([shifted[0] - shifted[1], shifted[2] - shifted[3]]) / 2e-6
+    out = render(*(g[k] for k in INPUTS[:-1]), VIEWMAT, INTRINSICS, WIDTH, HEIGHT)
+    measured = render_backward(out, weights["color"]).means2d_abs[0]
+    assert measured == pytest.approx(np.linalg.norm(slope), rel=1e-6)
