@@ -216,7 +216,7 @@ def _known_name(key: object, known: dict[str, Option], where: str) -> str:
     name = str(key).replace("-", "_")
     if name in known:
         return name
-    near = difflib.get_close_matches(name, known, n=1, cutoff=0.0)
+    near = difflib.get_close_matches(name.lower(), known, n=1, cutoff=0.0)
     raise ConfigError(f"{where}: unknown key {str(key)[:60]!r}. Nearest valid name: {near[0]!r}; "
                       f"valid names are {', '.join(sorted(known))}. Rename or remove the key.")
 

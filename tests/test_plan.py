@@ -1,0 +1,121 @@
+"""Plan and log: what a build says before, while and after it runs."""
+
+from __future__ import annotations
+
+import json
+import logging
+from dataclasses import replace
+from io import StringIO
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from part2gs_robotics import log
+from part2gs_robotics.config import Config, ReadConfig, resolve
+from part2gs_robotics.plan import Plan, PlanItem, make_plan
+from part2gs_robotics.readers import read_scene
+from part2gs_robotics.scene import Scene
+from part2gs_robotics.synth_photos import write_ball_scene
+
+
+@pytest.fixture(scope="module")
+def scene(tmp_path_factory: pytest.TempPathFactory) -> Scene:
+    return read_scene(write_ball_scene(tmp_path_factory.mktemp("b") / "scene"), ReadConfig())
+
+
+def test_plan_says_why_for_every_item(scene: Scene) -> None:
+    plan = make_plan(scene, Config())
+    assert all(item.reason for item in plan.items)
+    assert len({item.name for item in plan.items}) == len(plan.items)
+    assert len(plan.lines()) == len(plan.items) == len(plan.rows())
+
+
+def test_depth_term_follows_the_scene(scene: Scene) -> None:
+    assert not make_plan(scene, Config())["depth term"].used
+    shape = scene.states[0].alphas.shape
+    deep = replace(scene.states[0], depths=np.ones(shape, np.float32))
+    with_depth = replace(scene, states=(deep, scene.states[1]))
+    assert make_plan(with_depth, Config())["depth term"].used
+    assert "one state" in make_plan(with_depth, Config())["depth term"].reason
+
+
+def test_part_competition_follows_the_number_of_parts(scene: Scene) -> None:
+    one, two, unknown = (make_plan(scene, resolve(flags))["part competition"]
+                         for flags in ({"parts": 1}, {"parts": 2}, {}))
+    assert (one.used, one.decided) == (False, "before")
+    assert (two.used, two.decided) == (True, "before")
+    assert unknown.decided == "during"
+
+
+def test_search_only_without_parts_and_averaging_only_in_paper_mode(scene: Scene) -> None:
+    assert make_plan(scene, Config())["search for number of parts"].used
+    assert not make_plan(scene, resolve({"parts": 1}))["search for number of parts"].used
+    assert not make_plan(scene, Config())["centre averaging"].used
+    assert make_plan(scene, resolve({"paper_mode": True}))["centre averaging"].used
+
+
+def test_settling_changes_one_item() -> None:
+    plan = Plan((PlanItem("a", True, "open", "during"), PlanItem("b", True, "always")))
+    settled = plan.settle("a", False, "nothing to do")
+    assert settled["a"] == PlanItem("a", False, "nothing to do", "during")
+    assert settled["b"] == plan["b"]
+
+
+def test_log_writes_json_lines_and_keeps_old_ones(tmp_path: Path,
+                                                  capsys: pytest.CaptureFixture[str]) -> None:
+    for number in ("31.2 dB", "loaded"):
+        with log.logging_to(tmp_path):
+            log.log_stage("fit_0", 12.5, number)
+            logging.getLogger("part2gs_robotics.fit").debug("detail")
+    events = [json.loads(line) for line in (tmp_path / "log.jsonl").read_text().splitlines()]
+    assert [event.get("number") for event in events] == ["31.2 dB", None, "loaded", None]
+    assert events[0]["stage"] == "fit_0"
+    assert events[0]["seconds"] == 12.5
+    shown = capsys.readouterr().err
+    assert "31.2 dB" in shown
+    assert "detail" not in shown
+
+
+@pytest.mark.parametrize(("quiet", "verbose", "lines"), [
+    (False, False, 2), (True, False, 1), (False, True, 3)])
+def test_loudness(quiet: bool, verbose: bool, lines: int,
+                  capsys: pytest.CaptureFixture[str]) -> None:
+    logger = logging.getLogger("part2gs_robotics.test")
+    with log.logging_to(None, quiet, verbose):
+        logger.debug("a")
+        logger.info("b")
+        logger.warning("c")
+    assert len(capsys.readouterr().err.splitlines()) == lines
+
+
+class Terminal(StringIO):
+    def isatty(self) -> bool:
+        return True
+
+
+def test_progress_on_a_terminal_shows_time_left(monkeypatch: pytest.MonkeyPatch) -> None:
+    clock = iter([0.0, 10.0, 10.1, 20.0])
+    monkeypatch.setattr(log.time, "monotonic", lambda: next(clock))
+    stream = Terminal()
+    with log.logging_to(None):
+        progress = log.Progress("fit", "dB", stream)
+        for step in (10, 11, 20):
+            progress(step, 100, 30.0)
+    assert stream.getvalue().count("\r") == 2, "not more often than the eye sees"
+    assert "fit: 10/100, 30 dB, 1:30 left" in stream.getvalue()
+    assert "fit: 20/100, 30 dB, 1:20 left" in stream.getvalue()
+
+
+def test_progress_without_a_terminal_is_a_line_per_half_minute(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str],
+) -> None:
+    clock = iter(float(second) for second in range(100))
+    monkeypatch.setattr(log.time, "monotonic", lambda: next(clock))
+    with log.logging_to(None):
+        progress = log.Progress("fit", stream=StringIO())
+        for step in range(1, 91):
+            progress(step, 100)
+    assert capsys.readouterr().err.splitlines() == ["fit: 30/100, 1:10 left",
+                                                    "fit: 60/100, 0:40 left",
+                                                    "fit: 90/100, 0:10 left"]
