@@ -25,16 +25,21 @@ GAP = 5e-4  # of the size: half a millimetre on a metre, free of contact forces
 STEPS = 30  # per joint; 90 degrees in steps of 3: the arc between leaves 0.03 % of the radius
 DEEPEST = 0.5  # of a piece's own width: deeper overlaps are no noise and are left alone
 CRUMB = 1e-7  # of the size cubed
+SPLINTER = 0.01  # of all collision volume of a part: so small a piece may be given up
 
 
 @dataclass
 class _Piece:
-    """A convex body under the knife: state-0 frame of the world."""
+    """A convex body under the knife, in the state-0 frame of the world.
+
+    Below the volume `splinter` it may be dropped.
+    """
 
     part: int
     solid: Manifold
     vertices: F64
     normals: F64
+    splinter: float = 0.0
 
     def recut(self, solid: Manifold) -> None:
         self.solid = solid
@@ -63,6 +68,9 @@ def separate_pieces(twin: Twin, *, gap: float | None = None) -> Twin:
         for solid in (to_manifold(p).hull() for p in part.pieces)
     ]
     before = sum(float(p.solid.volume()) for p in pieces)
+    for piece in pieces:
+        whole = sum(float(p.solid.volume()) for p in pieces if p.part == piece.part)
+        piece.splinter = SPLINTER * whole
     stuck = set[tuple[int, int]]()
     for moved, start, end in _passages(twin):
         stuck |= _separate_at(pieces, moved, start, end, distance)
@@ -185,10 +193,19 @@ def _separate(one: _Piece, two: _Piece, two_from_one: list[F64], gap: float) -> 
     share = width_a / max(width_a + width_b, 1e-300)
     cut = float(depth[best]) + gap
     if cut * share > DEEPEST * width_a or cut * (1 - share) > DEEPEST * width_b:
-        return False
+        return _drop_splinter(one, two)
     for move in two_from_one:
         in_one = move[:3, :3].T @ normal
         level = top - cut * share - float(normal @ move[:3, 3])
         one.recut(one.solid.trim_by_plane((-in_one).tolist(), -level))
     two.recut(two.solid.trim_by_plane(normal.tolist(), bottom + cut * (1 - share)))
+    return True
+
+
+def _drop_splinter(one: _Piece, two: _Piece) -> bool:
+    """Give up the smaller of two pieces that cannot be parted if its part can spare it."""
+    small = one if one.solid.volume() < two.solid.volume() else two
+    if small.solid.volume() > small.splinter:
+        return False
+    small.recut(small.solid - small.solid)
     return True

@@ -99,6 +99,8 @@ def _compile(files: list[Path], messages: list[str]) -> tuple[list[CheckResult],
         except ValueError as error:
             rows.append(CheckResult("compile", file.name, "fail", detail=_plain_words(str(error))))
             continue
+        if subject is not None and subject.model.nbody == 1 and not subject.model.ngeom:
+            messages.append("the model is empty")
         said = "; ".join(m.splitlines()[0] for m in messages if m.strip())
         status = passed(not said)
         rows.append(CheckResult("compile", file.name, status, detail=said or "no warning"))
@@ -118,6 +120,8 @@ def _engine_messages() -> Iterator[list[str]]:
 
     messages: list[str] = []
     mujoco.set_mju_user_warning(messages.append)
+    # the engine keeps meshes by name and second of change: a file rewritten at once would be stale
+    mujoco.mj_clearCache(mujoco.mj_getCache())
     try:
         yield messages
     finally:
