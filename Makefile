@@ -1,4 +1,4 @@
-# make demo | test | test-all | lint | bench.  Everything lives in .venv and demo/; nothing else is touched.
+# make demo | test | test-all | lint | bench.  Everything lives in .venv and out/; nothing else is touched.
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin

@@ -73,7 +73,7 @@ def run_kit(args: argparse.Namespace, work: Path) -> dict[str, object]:
 def summary(found: dict) -> dict[str, object]:
     """Return the numbers of the table, with machine, versions and commit."""
     return {
-        "command": COMMAND,
+        "command": found["cmd"],
         "options": found["options"],
         "machine": f"{os.cpu_count()} CPU cores, {platform.machine()}, no GPU",
         "commit": git("rev-parse", "--short", "HEAD"),
