@@ -7,10 +7,10 @@ import dataclasses
 import manifold3d
 import numpy as np
 import pytest
-from part2gs_robotics.exporters.dynamics import physics_of
-from part2gs_robotics.exporters.inertia import mass_properties, moment_about_axis, triangle_gap
 
 from part2gs_robotics.errors import ExportError
+from part2gs_robotics.exporters.dynamics import physics_of
+from part2gs_robotics.exporters.inertia import mass_properties, moment_about_axis, triangle_gap
 from part2gs_robotics.se3 import rotation_from_rotvec
 from part2gs_robotics.solids import to_mesh
 from part2gs_robotics.synth import box, toy_cabinet_twin

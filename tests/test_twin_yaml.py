@@ -8,10 +8,10 @@ from pathlib import Path
 import mujoco
 import numpy as np
 import pytest
-from part2gs_robotics.exporters.mjcf import write_mjcf
-from part2gs_robotics.exporters.twin_yaml import read_twin_yaml, write_twin_yaml
 
 from part2gs_robotics.errors import CheckError
+from part2gs_robotics.exporters.mjcf import write_mjcf
+from part2gs_robotics.exporters.twin_yaml import read_twin_yaml, write_twin_yaml
 from part2gs_robotics.synth import toy_cabinet_twin
 
 

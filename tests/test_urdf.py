@@ -9,9 +9,9 @@ from pathlib import Path
 import mujoco
 import numpy as np
 import pytest
+
 from part2gs_robotics.exporters.mjcf import joint_name, write_mjcf
 from part2gs_robotics.exporters.urdf import write_urdf
-
 from part2gs_robotics.joints import Joint
 from part2gs_robotics.kinematics import moving_parts, part_transforms
 from part2gs_robotics.synth import toy_cabinet_twin
