@@ -183,7 +183,7 @@ def _shoot_all(
     focal = size / 2 / np.tan(FOV_RAD / 2)
     frames = []
     for i, world_from_camera in enumerate(cameras):
-        rgba, z = rig.shoot(world_from_camera)
+        rgba, z = rig.shoot(world_from_camera, depth=depth)
         _write_png(folder / below / "rgba" / f"{i:04d}.png", rgba[..., [2, 1, 0, 3]])
         if depth:
             steps = np.clip((z * 1000).round(), 0, 65535).astype(np.uint16)

@@ -137,11 +137,12 @@ class Rig:
                 return moving[body]
         return 0
 
-    def shoot(self, world_from_camera: Array) -> tuple[NDArray[np.uint8], Array]:
+    def shoot(self, world_from_camera: Array, *, depth: bool) -> tuple[NDArray[np.uint8], Array]:
         """Photograph the pose.
 
         Args:
             world_from_camera: [4, 4], OpenGL axes.
+            depth: also measure depth; without it the depth is all background.
 
         Returns:
             rgba: [H, W, 4] straight RGB with the covered share of each pixel as alpha.
@@ -154,14 +155,17 @@ class Rig:
         colour = self._draw().astype(np.float64)
         self._renderer.enable_segmentation_rendering()
         mask = self._draw()[..., 0] >= 0
-        self._renderer.enable_depth_rendering()
-        depth = self._draw().astype(np.float64) * mask
+        z = mask * 0.0
+        if depth:
+            self._renderer.enable_depth_rendering()
+            z = self._draw().astype(np.float64) * mask
+        self._renderer.disable_segmentation_rendering()
         self._renderer.disable_depth_rendering()
         covered = _pool(mask.astype(np.float64)[..., None])
         rgb = _pool(colour * mask[..., None]) / np.maximum(covered, 1.0)
         rgba = np.concatenate([rgb, covered * (255.0 / SUPERSAMPLE**2)], -1)
         middle = slice(SUPERSAMPLE // 2, None, SUPERSAMPLE)
-        return rgba.round().astype(np.uint8), depth[middle, middle]
+        return rgba.round().astype(np.uint8), z[middle, middle]
 
     def _draw(self) -> NDArray[Any]:
         self._renderer.update_scene(self._data, _CAMERA, self._option)

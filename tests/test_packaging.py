@@ -5,10 +5,12 @@ from __future__ import annotations
 import json
 import os
 import re
+import shutil
 import subprocess
 import sys
 import tomllib
 import xml.etree.ElementTree as ET
+import zipfile
 from pathlib import Path
 
 import pytest
@@ -102,6 +104,23 @@ def test_folders_stay_flat_and_files_short(folder: str) -> None:
     for path in files:
         assert path.parent == ROOT / folder, f"{path}: a sub-folder needs a line in `packages`"
         assert len(path.read_text().splitlines()) <= 300, f"{path}: split it by idea"
+
+
+def test_the_wheel_holds_one_package_and_the_ros_files(tmp_path: Path) -> None:
+    ignored = shutil.ignore_patterns(".*", "out", "build", "dist", "*.egg-info", "__pycache__")
+    shutil.copytree(ROOT, tmp_path / "source", ignore=ignored)
+    command = [sys.executable, "-m", "pip", "wheel", "-q", "--no-deps", "--no-build-isolation"]
+    subprocess.run([*command, "-w", ".", "./source"], cwd=tmp_path, check=True, capture_output=True)
+    (wheel,) = tmp_path.glob("*.whl")
+    assert wheel.stat().st_size < 300_000
+    names = zipfile.ZipFile(wheel).namelist()
+    tops = {name.partition("/")[0] for name in names}
+    release = f"part2gs_robotics-{part2gs_robotics.__version__}"
+    assert tops == {"part2gs_robotics", f"{release}.dist-info", f"{release}.data"}
+    assert "part2gs_robotics/py.typed" in names
+    assert "part2gs_robotics/exporters/__init__.py" in names
+    share = f"{release}.data/data/share/part2gs_robotics"
+    assert {f"{share}/package.xml", f"{share}/launch/display.launch.py"} <= set(names)
 
 
 def test_the_bundled_scene_has_its_licence_and_stays_small() -> None:
