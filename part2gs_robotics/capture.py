@@ -13,7 +13,7 @@ import json
 import os
 import shutil
 import time
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -104,6 +104,28 @@ def capture(
         scene, _truth_folder(scene), tuple(j.name for j, _ in moves),
         2 * (views + test_views), time.perf_counter() - began,
     )  # fmt: skip
+
+
+def parse_states(words: Iterable[str]) -> States:
+    """Return joint name -> both positions from words like `door=0.1,1.2`.
+
+    Raises:
+        ConfigError: a word of another form, or a joint named twice.
+    """
+    states: States = {}
+    for word in words:
+        name, _, values = word.rpartition("=")
+        try:
+            first, second = (float(value) for value in values.split(","))
+        except ValueError:
+            name = ""
+        if not name or name in states:
+            raise ConfigError(
+                f"capture: --state {word}: {'given twice' if name else 'not understood'}. "
+                "Expected JOINT=Q0,Q1 once per joint, rad or scene units; write --state door=0,1.2"
+            )
+        states[name] = first, second
+    return states
 
 
 def _check_numbers(views: int, test_views: int, size: int) -> None:

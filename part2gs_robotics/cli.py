@@ -98,7 +98,7 @@ def _check(call: Call) -> int:
 
 
 def _capture(call: Call) -> int:
-    from part2gs_robotics.capture import capture
+    from part2gs_robotics.capture import capture, parse_states
     from part2gs_robotics.log import logging_to
 
     flags = dict(call.flags)
@@ -106,9 +106,10 @@ def _capture(call: Call) -> int:
     views, test_views, size, seed = (
         cast(int, flags.get(name, command_options("capture")[name].default))
         for name in ("views", "test_views", "size", "seed"))
+    states = parse_states(str(flags["state"]).splitlines()) if "state" in flags else None
     with logging_to(None, quiet, verbose):
         done = capture(Path(call.paths[0]), Path(call.paths[1]), views=views, size=size, seed=seed,
-                       test_views=test_views, depth=bool(flags.get("depth")))
+                       test_views=test_views, depth=bool(flags.get("depth")), states=states)
     if not quiet:
         sys.stdout.write(f"{done.scene}: {done.frames} images, {len(done.joints)} moving joints "
                          f"({', '.join(done.joints)}), {done.seconds:.1f} s; truth in "

@@ -45,7 +45,9 @@ COMMANDS = {
                         _own("test_views", int, 0, "further views per state that no fit may use"),
                         _own("size", int, 400, "image side in pixels"),
                         _own("seed", int, 0, "places of the cameras"),
-                        _own("depth", bool, False, "also write 16-bit depth images"))),
+                        _own("depth", bool, False, "also write 16-bit depth images"),
+                        _own("state", list, None, "positions of one joint in both states; may be "
+                             "given for several joints, all others stay at rest"))),
 }
 ALWAYS = ("quiet", "verbose")
 SHORT = {"out": "-o"}
@@ -131,6 +133,8 @@ def _add_flag(group: argparse._ArgumentGroup, option: Option) -> None:
         group.add_argument(*names, action=argparse.BooleanOptionalAction, default=None, help=text)
     elif get_origin(kind) is tuple:
         group.add_argument(*names, nargs=3, metavar=("X", "Y", "Z"), help=text)
+    elif kind is list:
+        group.add_argument(*names, action="append", metavar="JOINT=Q0,Q1", help=text)
     else:
         values = "|".join(map(str, get_args(kind)))
         group.add_argument(*names, metavar=values or option.name.upper(), help=text)
@@ -142,6 +146,8 @@ def _shown(value: Value) -> str:
 
 def _from_text(option: Option, text: object) -> Value:
     """Return a flag's words as the setting's type."""
+    if isinstance(text, list) and option.kinds[0] is list:
+        return "\n".join(text)
     if isinstance(text, list):
         return convert(option, [_number(word) for word in text], option.flag)
     kind = option.kinds[0]

@@ -12,8 +12,9 @@ import pytest
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
-from part2gs_robotics.capture import capture
+from part2gs_robotics.capture import capture, parse_states
 from part2gs_robotics.capture_cameras import FOV_RAD, place_cameras
+from part2gs_robotics.cli import main
 from part2gs_robotics.config import ReadConfig
 from part2gs_robotics.errors import CheckError, ConfigError, SceneError
 from part2gs_robotics.model_files import check_model_files
@@ -211,6 +212,25 @@ def test_bad_input_is_named_and_leaves_nothing(
     with pytest.raises(error, match=message):
         capture(model(text), tmp_path / "s", **options)
     assert [p.name for p in tmp_path.iterdir()] == ["model"]
+
+
+def test_states_are_read_from_words():
+    assert parse_states(["a=0,1.5", "b=c=-1,2e-1"]) == {"a": (0, 1.5), "b=c": (-1, 0.2)}
+
+
+@pytest.mark.parametrize("word", ["a", "a=", "a=1", "a=1,2,3", "a=x,1", "=1,2", ""])
+def test_words_that_are_no_state_are_named(word: str):
+    with pytest.raises(ConfigError, match=r"not understood.* Expected JOINT=Q0,Q1"):
+        parse_states([word])
+    with pytest.raises(ConfigError, match="given twice"):
+        parse_states(["a=0,1", "a=0,1"])
+
+
+def test_the_command_line_captures(model: Make, tmp_path: Path):
+    words = ["--views", "4", "--size", "32", "--state", "slide=0.05,0.1", "--state", "turn=0,1"]
+    assert main(["capture", str(model(BOX)), str(tmp_path / "s"), *words]) == 0
+    parts = json.loads((tmp_path / "s.gt/gt.json").read_text())["parts"]
+    assert [part["q"] for part in parts] == [[0.05, 0.1], [0, 1]]
 
 
 def test_two_moving_joints_of_one_body_are_refused(model: Make, tmp_path: Path):
