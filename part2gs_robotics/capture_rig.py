@@ -155,7 +155,7 @@ class Rig:
         colour = self._draw().astype(np.float64)
         self._renderer.enable_segmentation_rendering()
         mask = self._draw()[..., 0] >= 0
-        z = mask * 0.0
+        z = np.zeros(mask.shape)
         if depth:
             self._renderer.enable_depth_rendering()
             z = self._draw().astype(np.float64) * mask
