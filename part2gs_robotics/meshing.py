@@ -23,6 +23,7 @@ from part2gs_robotics.part_solids import (
     keep_large,
     moving_solid,
     without_fins,
+    without_voids,
 )
 from part2gs_robotics.scene import Scene
 from part2gs_robotics.se3 import apply, inverse
@@ -135,7 +136,7 @@ def build_solids(place: _Place, maps: list[PartMaps], grid: Grid,
     for k in range(2, place.count):
         for j in range(1, k):
             solids[k] = _yield_to(solids[k], solids[j], k, j, place, clearance)
-        solids[k] = keep_large(solids[k])
+        solids[k] = without_voids(keep_large(solids[k]))
     solids[0] = _carve_base(solids, evidence, place, clearance)
     return solids
 
@@ -154,7 +155,7 @@ def _carve_base(solids: list[Solid], evidence: list[Fused], place: _Place,
         for k, poses in enumerate(sweeps, 1):
             base = carve(base, solids[k], poses, clearance)
         base = without_fins(base, evidence[0]) if last else calm(base, evidence[0])
-    return keep_large(base)
+    return without_voids(keep_large(base))
 
 
 def _yield_to(solid: Solid, rival: Solid, part: int, other: int, place: _Place,

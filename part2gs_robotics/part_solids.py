@@ -114,6 +114,16 @@ def keep_large(solid: Solid) -> Solid:
     return replace(solid, values=np.where(keep[pieces], solid.values, np.float32(-TRUNCATION)))
 
 
+def without_voids(solid: Solid) -> Solid:
+    """Return the solid with rooms that nothing can reach filled: nobody can have seen them."""
+    from scipy import ndimage
+
+    inside = solid.values > 0
+    void = ndimage.binary_fill_holes(inside) & ~inside
+    # Half a voxel inside: the level set passes between the filled voxels and nothing else.
+    return replace(solid, values=np.where(void, np.float32(0.5), solid.values))
+
+
 def cavity(solid: Solid, fused: Fused) -> NDArray[np.bool_]:
     """Return the voxels seen free inside the convex hull of a part: the room inside a drawer.
 
