@@ -49,7 +49,7 @@ class ReportData:
 
 @dataclass(frozen=True)
 class CheckRow:
-    """One check: dotted `name`, `status`, measured `value` against `limit`, `note`."""
+    """One check: `name`, `status`, measured `value` against `limit`, `note`."""
 
     name: str
     status: str
@@ -93,7 +93,7 @@ def _walk_checks(value: object, path: tuple[str, ...]) -> Iterator[CheckRow]:
 def _check_row(entry: Mapping[str, object], path: tuple[str, ...]) -> CheckRow:
     unit = str(entry.get("unit") or "")
     return CheckRow(
-        name=str(entry.get("name") or ".".join(path) or "verdict"),
+        name=str(entry.get("name") or " · ".join(path) or "verdict"),
         status=str(entry["status"]),
         value=_quantity(entry.get("value"), unit),
         limit=_quantity(entry.get("limit"), unit),

@@ -113,18 +113,22 @@ def _sigma(value: float, unit: str) -> str:
 
 
 def _checks(rows: Sequence[CheckRow]) -> str:
-    worst_first = sorted(rows, key=lambda r: r.status == "pass")
+    """Return what did not pass in sight, and what passed below, folded when it is long."""
+    passed = [row for row in rows if row.status == "pass"]
+    table = _check_table([row for row in rows if row.status != "pass"])
+    if len(passed) <= _TALL:
+        return table + _check_table(passed)
+    title = f"<summary>{len(passed)} checks passed</summary>"
+    return f"{table}<details>{title}{_check_table(passed)}</details>"
+
+
+def _check_table(rows: Sequence[CheckRow]) -> str:
+    head = ("check", "status", "measured", "limit", "note")
     body = [
-        [
-            escape(r.name.replace("_", " ").replace(".", " · ")),
-            _pill(r.status, r.status),
-            escape(r.value),
-            escape(r.limit),
-            escape(r.note),
-        ]
-        for r in worst_first
+        [escape(r.name), _pill(r.status, r.status), *map(escape, (r.value, r.limit, r.note))]
+        for r in rows
     ]
-    return _table(("check", "status", "measured", "limit", "note"), body)
+    return _table(head, body)
 
 
 def _sweeps(curves: object) -> str:
@@ -136,6 +140,9 @@ def _sweeps(curves: object) -> str:
             ("exact meshes", list(zip(q, curve["overlap_depth"], strict=True))),
             ("engine contacts", list(zip(q, curve["contact_depth"], strict=True))),
         ]
+        if max(curve["overlap_depth"] + curve["contact_depth"], default=0.0) == 0:
+            charts.append(f"<p>{escape(curve['joint'])}: no overlap and no contact anywhere.</p>")
+            continue
         label = f"position of {curve['joint']}, rad or scene units"
         charts.append(curve_svg(lines, label, "overlap depth, units"))
     return "".join(charts)

@@ -145,8 +145,14 @@ def test_page_states_angles_in_degrees_with_their_error(tmp_path: Path) -> None:
 def test_failures_are_listed_before_passes(tmp_path: Path) -> None:
     checks = {"a": {"status": "pass"}, "b": {"status": "fail"}, "c": {"status": "skipped"}}
     _, page = written(tmp_path, report(checks=checks))
-    table = page.words.split("measuredlimitnote")[1]
-    assert table.startswith("bfailcskippedapass")
+    assert [t[:5] for t in page.words.split("measuredlimitnote")[1:]] == ["bfail", "apass"]
+
+
+def test_a_long_list_of_passes_is_folded(tmp_path: Path) -> None:
+    checks = {f"c{i}": {"status": "pass"} for i in range(40)} | {"bad": {"status": "fail"}}
+    _, page = written(tmp_path, report(checks=checks))
+    assert "40 checks passed" in page.words
+    assert page.words.index("badfail") < page.words.index("40 checks passed")
 
 
 def test_empty_report_is_still_a_page(tmp_path: Path) -> None:
@@ -176,17 +182,20 @@ def test_sweeps_losses_and_notes_of_the_checks_are_shown(tmp_path: Path) -> None
         "overlap_depth": [0.0, 0.001, 0.0],
         "contact_depth": [0.0, 0.004, 0.0],
     }
+    clean = curve | {"joint": "part_2_joint", "overlap_depth": [0.0], "contact_depth": [0.0]}
+    clean["positions"] = [0.0]
     losses = [{"part": "part_1", "contact_loss": 0.25, "overlap": None}]
     checks = {
         "checks": [{"name": "reach: part_1", "status": "pass"}],
-        "curves": [curve], "losses": losses, "notes": ["<decimated>"],
+        "curves": [curve, clean], "losses": losses, "notes": ["<decimated>"],
     }  # fmt: skip
     _, page = written(tmp_path, report(checks=checks))
     assert "exact meshes" in page.words
     assert "position of part_1_joint" in page.words
+    assert "part_2_joint: no overlap and no contact anywhere." in page.words
     assert "part_10.25—" in page.words
     assert "<decimated>" in page.words
-    assert "reach: part 1pass" in page.words
+    assert "reach: part_1pass" in page.words
 
 
 def test_checks_are_found_at_any_depth() -> None:
@@ -196,7 +205,7 @@ def test_checks_are_found_at_any_depth() -> None:
         "other": {"status": "unknown word"},
     }
     rows = check_rows(checks)
-    assert [r.name for r in rows] == ["joints.door.reach", "compile", "compile.files"]
+    assert [r.name for r in rows] == ["joints · door · reach", "compile", "compile · files"]
     assert check_rows({"checks": [{"name": "a: b", "status": "pass"}]})[0].name == "a: b"
     assert rows[0].value == "1.5 mm"
 
