@@ -114,7 +114,9 @@ def fit_state(state: StateViews, init: Hull | Gaussians | None = None,
 
 
 WHITE = np.ones(3, np.float32)  # held-out views are measured over white, as in NeRF's synthetic sets
-RATES = {"means": 4e-4, "quats": 2e-3, "log_scales": 1e-2, "logit_opacities": 5e-2, "sh0": 1e-2}
+# 3DGS's rates times ~5: a fit has hundreds of steps, not tens of thousands (swept here).
+RATES = {"means": 1e-3, "quats": 5e-3, "log_scales": 2e-2, "logit_opacities": 1e-1, "sh0": 2e-2}
+HARDEN_FROM = 0.5  # of all steps
 MEANS_END = 0.05  # the rate of the means falls to this share: large moves first, then polish
 CHANGE_EVERY = 50  # steps between prune and split rounds
 CHANGE_UNTIL = 0.6  # of all steps: the rest lets the last halves settle
@@ -161,11 +163,12 @@ class _Run:
             d_alpha += more
         gradients = render_backward(rendered, d_color, d_alpha, d_depth, None)
         grads = chain(self.params, gradients)
-        losses["opacity"], more = opacity_term(self.params["logit_opacities"],
-                                               self.config.opacity_weight)
+        done = step / self.config.steps
+        # Opacities are free at first, so that lids can fade before they are pushed to 0 or 1.
+        harden = self.config.opacity_weight if done > HARDEN_FROM else 0.0
+        losses["opacity"], more = opacity_term(self.params["logit_opacities"], harden)
         grads["logit_opacities"] += more
         require_finite({**losses, **grads}, self.name, step)
-        done = step / self.config.steps
         self.adam.rates["means"] = RATES["means"] * self.diagonal * MEANS_END**done
         self.adam.step(self.params, grads)
         self.density.add(gradients.means2d_abs * (alpha.shape[1] / self.state.width),
