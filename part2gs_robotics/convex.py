@@ -89,10 +89,14 @@ def convex_pieces(
 
 def bound(mesh: PartMesh, pieces: tuple[PartMesh, ...]) -> Bound:
     """Measure phantom and missing volume of convex pieces, exactly."""
+    return bound_of(to_manifold(mesh), pieces)
+
+
+def bound_of(solid: Manifold, pieces: tuple[PartMesh, ...]) -> Bound:
+    """Measure convex pieces, taken as the hulls of their corners, against a solid."""
     import manifold3d
 
-    solid = to_manifold(mesh)
-    hulls = [to_manifold(p).hull() for p in pieces]
+    hulls = [manifold3d.Manifold.hull_points(p.vertices) for p in pieces]
     union = manifold3d.Manifold.batch_boolean(hulls, manifold3d.OpType.Add)
     phantom = union - solid
     parts = phantom.decompose() if phantom.volume() > 0 else []

@@ -48,15 +48,19 @@ def body_meshes(model: mujoco.MjModel, body: int) -> list[PartMesh]:
     visual = (model.geom_group == VISUAL_GROUP) & (model.geom_type == mesh_type)
     own = model.geom_bodyid == body
     chosen = np.flatnonzero(own & visual if visual.any() else own)
-    meshes = []
-    for geom in chosen:
-        local = _geom_surface(model, int(geom))
-        if local is not None:
-            rot = np.zeros(9)
-            mujoco.mju_quat2Mat(rot, model.geom_quat[geom])
-            placed = local.vertices @ rot.reshape(3, 3).T + model.geom_pos[geom]
-            meshes.append(PartMesh(placed, local.faces, local.colors))
-    return meshes
+    return [m for g in chosen if (m := _placed_geom(model, int(g))) is not None]
+
+
+def _placed_geom(model: mujoco.MjModel, geom: int) -> PartMesh | None:
+    import mujoco
+
+    local = _geom_surface(model, geom)
+    if local is None:
+        return None
+    rot = np.zeros(9)
+    mujoco.mju_quat2Mat(rot, model.geom_quat[geom])
+    placed = local.vertices @ rot.reshape(3, 3).T + model.geom_pos[geom]
+    return PartMesh(placed, local.faces, local.colors)
 
 
 def _geom_surface(model: mujoco.MjModel, geom: int) -> PartMesh | None:
@@ -118,6 +122,16 @@ def body_solid(meshes: list[PartMesh]) -> Manifold | None:
     if len(solids) > 1:
         whole = manifold3d.Manifold.batch_boolean(solids, manifold3d.OpType.Add)
     return whole.as_original()
+
+
+def collision_pieces(model: mujoco.MjModel, body: int) -> list[PartMesh]:
+    """Return the meshes a body collides with, in its own frame; the engine takes their hulls."""
+    import mujoco
+
+    meets = (model.geom_contype != 0) | (model.geom_conaffinity != 0)
+    mesh = model.geom_type == int(mujoco.mjtGeom.mjGEOM_MESH)
+    chosen = np.flatnonzero((model.geom_bodyid == body) & meets & mesh)
+    return [p for g in chosen if (p := _placed_geom(model, int(g))) is not None]
 
 
 def lighter(solid: Manifold, tolerance: float) -> tuple[Manifold, bool]:

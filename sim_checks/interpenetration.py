@@ -70,13 +70,17 @@ class Poser:
         found = {p: overlap(at[p[0]], at[p[1]]) for p in pairs}
         return {p: o for p, o in found.items() if o.solid is not None}
 
-    def contact_depth(self, moved: frozenset[int] | None) -> float:
-        """Return the deepest contact between a moved body and another one, 0 if none."""
+    def contact_depth(self, moved: frozenset[int]) -> float:
+        """Return the deepest contact between a moved and another body, 0 if none.
+
+        Only bodies with a closed surface count: without one there is nothing to compare with.
+        """
         deepest = 0.0
         for k in range(self.data.ncon):
             contact = self.data.contact[k]
             bodies = [int(self.subject.model.geom_bodyid[g]) for g in contact.geom]
-            if moved is None or len(moved.intersection(bodies)) == 1:
+            closed = all(b in self.solids for b in bodies)
+            if closed and len(moved.intersection(bodies)) == 1:
                 deepest = max(deepest, -float(contact.dist))
         return deepest
 

@@ -74,6 +74,7 @@ class CheckReport:
     Attributes:
         path: what was checked.  engine: name and version.  results: rows.  joints: names tested.
         curves: sweep of every joint.  losses: optimiser's losses beside measured numbers, per part.
+        pieces: how far the collision hulls of every part are from its true surface.
         notes: what was substituted, decimated or left out.  seconds: wall time.
     """
 
@@ -83,6 +84,7 @@ class CheckReport:
     joints: tuple[str, ...] = ()
     curves: tuple[Curve, ...] = ()
     losses: tuple[dict[str, object], ...] = ()
+    pieces: tuple[dict[str, object], ...] = ()
     notes: tuple[str, ...] = ()
     seconds: float = 0.0
     size: float = field(default=float("nan"))
@@ -114,6 +116,7 @@ class CheckReport:
             "checks": [r.to_dict() for r in self.results],
             "curves": [c.to_dict() for c in self.curves],
             "losses": list(self.losses),
+            "pieces": list(self.pieces),
             "notes": list(self.notes),
         }
 

@@ -161,6 +161,7 @@ def _run(
         tuple(j.name for j in subject.joints),
         tuple(curves),
         tuple(static.losses_table(subject, summary, rows)),
+        tuple(static.pieces_table(subject)) if "overlap" in wanted else (),
         ("base fixed, parent-child contacts not filtered, automatic reset off", *notes),
         size=subject.size,
     )

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from part2gs_robotics.exporters.twin_yaml import TwinSummary
+from part2gs_robotics.sim_checks.geometry import collision_pieces
 from part2gs_robotics.sim_checks.interpenetration import LIMIT, Poser, deepest_of
 from part2gs_robotics.sim_checks.result import CheckResult, Status, passed, row
 from part2gs_robotics.sim_checks.subject import Subject
@@ -29,7 +30,12 @@ def check_meshes(subject: Subject) -> list[CheckResult]:
 def check_inertia(subject: Subject) -> list[CheckResult]:
     """Return one row per moving body: positive mass and A + B >= C."""
     model, rows = subject.model, []
+    jointed = {int(model.jnt_bodyid[j.index]) for j in subject.joints}
     for body in sorted({b for joint in subject.joints for b in joint.moved}):
+        # a frame that only carries others may be massless, what a joint moves may not
+        carrier = body not in jointed or model.body_subtreemass[body] > 0
+        if model.body_mass[body] == 0 and carrier:
+            continue
         low, middle, high = np.sort(model.body_inertia[body])
         mass = float(model.body_mass[body])
         gap = float((low + middle - high) / high) if high > 0 else -1.0
@@ -80,6 +86,32 @@ def check_states(subject: Subject, required: bool) -> list[CheckResult]:
         limit = LIMIT * subject.size
         rows.append(row("observed state", name, worst.depth, limit, "units", detail))
     return rows
+
+
+def pieces_table(subject: Subject) -> list[dict[str, object]]:
+    """Return how far the collision hulls of every body are from its true surface.
+
+    Phantom is hull volume outside the part, missing is part outside the hulls, in units^3.
+    """
+    from part2gs_robotics.convex import bound_of
+
+    table: list[dict[str, object]] = []
+    for body, solid in subject.solids.items():
+        pieces = collision_pieces(subject.model, body)
+        if solid is None or not pieces:
+            continue
+        found = bound_of(solid, tuple(pieces))
+        table.append(
+            {
+                "part": subject.body(body),
+                "pieces": len(pieces),
+                "phantom_volume": found.phantom,
+                "phantom_depth": found.phantom_depth,
+                "missing_volume": found.missing,
+                "intersection_over_union": found.overlap,
+            }
+        )
+    return table
 
 
 def losses_table(

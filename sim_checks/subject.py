@@ -19,6 +19,8 @@ if TYPE_CHECKING:
 F64 = NDArray[np.float64]
 SWEEP_TOLERANCE = 2e-4  # of the size: simplification of dense bodies, a tenth of the overlap limit
 SERVO_FREQUENCY = 30.0  # rad/s of a servo added to a model that has none
+OURS = "check_servo_"  # name of such a servo
+STIFFEST = 0.4  # frequency x step of such a servo: stable with every integrator
 SAG = 0.004  # of the range: droop under gravity such a servo may have
 TURN = (-np.pi, np.pi)  # range driven when a hinge declares none
 
@@ -29,7 +31,7 @@ class DrivenJoint:
 
     Attributes:
         name.  index: joint id.  qpos, dof: addresses.  hinge: else slide.  low, high: range.
-        servo: actuator id.  moved: bodies it carries.
+        servo: actuator id.  ours: added by the check.  moved: bodies it carries.
     """
 
     name: str
@@ -40,6 +42,7 @@ class DrivenJoint:
     low: float
     high: float
     servo: int
+    ours: bool
     moved: frozenset[int]
 
     @property
@@ -200,6 +203,7 @@ def driven_joints(model: mujoco.MjModel) -> tuple[DrivenJoint, ...]:
             continue
         low, high = model.jnt_range[j] if model.jnt_limited[j] else TURN
         hinge = int(model.jnt_type[j]) == int(mujoco.mjtJoint.mjJNT_HINGE)
+        servo = servo_of(model, j)
         out.append(
             DrivenJoint(
                 model.joint(j).name or f"joint {j}",
@@ -209,7 +213,8 @@ def driven_joints(model: mujoco.MjModel) -> tuple[DrivenJoint, ...]:
                 hinge,
                 float(low),
                 float(high),
-                servo_of(model, j),
+                servo,
+                servo >= 0 and model.actuator(servo).name.startswith(OURS),
                 _carried(model, int(model.jnt_bodyid[j])),
             )
         )
@@ -247,8 +252,9 @@ def _add_servos(spec: mujoco.MjSpec, model: mujoco.MjModel) -> list[str]:
             continue
         mass = max(float(_joint_mass(model)[joint.dof]), 1e-12)
         kp = max(mass * SERVO_FREQUENCY**2, _load(model, joint) / (SAG * max(joint.span, 1e-9)))
+        kp = min(kp, mass * (STIFFEST / model.opt.timestep) ** 2)
         servo = spec.add_actuator(
-            name=f"check_servo_{joint.name}", target=joint.name, trntype=mujoco.mjtTrn.mjTRN_JOINT
+            name=OURS + joint.name, target=joint.name, trntype=mujoco.mjtTrn.mjTRN_JOINT
         )
         servo.gaintype, servo.biastype = mujoco.mjtGain.mjGAIN_FIXED, mujoco.mjtBias.mjBIAS_AFFINE
         gain, bias = np.zeros(len(servo.gainprm)), np.zeros(len(servo.biasprm))
