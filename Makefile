@@ -12,8 +12,10 @@ export MUJOCO_GL ?= egl
 .PHONY: demo test test-all lint bench system clean
 
 demo: $(VENV)/.installed system
-	$(BIN)/part2gs-robot build $(DEMO_SCENE) -o $(DEMO_OUT)
-	@for f in twin.xml twin.urdf report.html; do echo "$$f: $(abspath $(DEMO_OUT))/$$f"; done
+	@$(BIN)/part2gs-robot build $(DEMO_SCENE) -o $(DEMO_OUT); code=$$?; \
+	if [ $$code -le 1 ]; then \
+	  for f in twin.xml twin.urdf report.html; do echo "$$f: $(abspath $(DEMO_OUT))/$$f"; done; \
+	fi; exit $$code
 
 test: $(VENV)/.dev system
 	$(BIN)/pytest -q -m "not slow and not gpu" --durations=10
@@ -31,8 +33,9 @@ lint: $(VENV)/.dev
 bench: $(VENV)/.dev system
 	$(BIN)/python benchmarks/reconstruction_suite.py $(if $(KIT),--kit $(KIT))
 
+# The C library's index of shared libraries tells what is there; ldconfig is often outside a user's PATH.
 system:
-	@missing=""; for l in $(LIBS); do ldconfig -p 2>/dev/null | grep -q "$$l" || missing="$$missing $$l"; done; \
+	@PATH="$$PATH:/sbin:/usr/sbin"; missing=""; for l in $(LIBS); do ldconfig -p 2>/dev/null | grep -q "$$l" || missing="$$missing $$l"; done; \
 	if [ -z "$$missing" ]; then exit 0; fi; \
 	if [ "$$(id -u)" = 0 ] && command -v apt-get >/dev/null; then \
 	  apt-get update -qq && DEBIAN_FRONTEND=noninteractive apt-get install -y -qq $(APT) >/dev/null; \
