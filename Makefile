@@ -14,7 +14,7 @@ export MUJOCO_GL ?= egl
 demo: $(VENV)/.installed system
 	@$(BIN)/part2gs-robot build $(DEMO_SCENE) -o $(DEMO_OUT); code=$$?; \
 	if [ $$code -le 1 ]; then \
-	  for f in twin.xml twin.urdf report.html; do echo "$$f: $(abspath $(DEMO_OUT))/$$f"; done; \
+	  for f in twin.xml twin.urdf report.html; do echo "$$f: $(CURDIR)/$(DEMO_OUT)/$$f"; done; \
 	fi; exit $$code
 
 test: $(VENV)/.dev system
@@ -26,8 +26,8 @@ test-all: $(VENV)/.dev system
 # mypy sees the three folders as one package through a throw-away mirror of links.
 lint: $(VENV)/.dev
 	$(BIN)/ruff check .
-	@rm -rf .typing && mkdir -p .typing && cp -rs $(abspath part2gs_robotics) .typing/part2gs_robotics
-	@cp -rs $(abspath exporters) $(abspath sim_checks) .typing/part2gs_robotics/
+	@rm -rf .typing && mkdir -p .typing && cp -rs "$(CURDIR)/part2gs_robotics" .typing/
+	@cp -rs "$(CURDIR)/exporters" "$(CURDIR)/sim_checks" .typing/part2gs_robotics/
 	MYPYPATH=.typing $(BIN)/mypy -p part2gs_robotics
 
 bench: $(VENV)/.dev system
