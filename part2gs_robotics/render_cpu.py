@@ -1,8 +1,9 @@
 """Our CPU Gaussian rasteriser: 3DGS (EWA) images and their gradients, in Numba.
 
-Semantics of 3D Gaussian Splatting (Kerbl 2023): low-pass 0.3 px^2, alpha clamped at 0.99 and dropped
-below 1/255, a pixel is finished once its transmittance is below 1e-4. The arrays' dtype picks the
-arithmetic: float32 for speed, float64 for tests. The result does not depend on the thread count.
+Semantics of 3D Gaussian Splatting (Kerbl 2023): low-pass 0.3 px^2, alpha clamped at 0.99 and
+dropped below 1/255, a pixel is finished once its transmittance is below 1e-4. The arrays' dtype
+picks the arithmetic: float32 for speed, float64 for tests. The result does not depend on the number
+of threads.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from part2gs_robotics import render_kernels as kernels
+from part2gs_robotics.render_bins import TILE_X, TILE_Y, bin_gaussians
 from part2gs_robotics.render_project import (
     FOV_MARGIN,
     GRADS,
@@ -134,8 +136,8 @@ def render(means: Floats, quats: Floats, scales: Floats, opacities: Floats, colo
     packed, boxes = np.zeros((n, PACKED), dtype), np.zeros((n, 4), np.int32)
     visible = np.zeros(n, np.bool_)
     project(*inputs, extras, view, camera, width, height, packed, boxes, visible)
-    tiles_x, tiles_y = -(-width // kernels.TILE_X), -(-height // kernels.TILE_Y)
-    tile_first, ids, first, slots = kernels.bin_gaussians(
+    tiles_x, tiles_y = -(-width // TILE_X), -(-height // TILE_Y)
+    tile_first, ids, first, slots = bin_gaussians(
         _front_to_back(packed[:, 10]), visible, boxes, tiles_x, tiles_y)
     tile_order = _shared_out(np.diff(tile_first))
     image = np.zeros((height, width, 6), dtype)
@@ -197,7 +199,7 @@ def _front_to_back(depth: Floats) -> NDArray[np.int64]:
     """Indices by increasing depth, ties by index."""
     if depth.dtype != np.float32:
         return np.argsort(depth, kind="stable")
-    # Positive float32 sort like their bits; one sort of unique integers is faster than a stable one.
+    # Positive float32 sort like their bits; sorting unique integers is faster than a stable sort.
     keys = depth.astype(np.float32).view(np.uint32).astype(np.uint64) << np.uint64(32)
     keys |= np.arange(len(depth), dtype=np.uint64)
     keys.sort()

@@ -1,9 +1,8 @@
-"""Numba kernels: sort Gaussians into tiles, blend each tile front to back, and its gradient.
+"""Numba kernels: blend each tile's Gaussians front to back, and the gradient of that.
 
-A tile is 8 pixels wide, one AVX register of float32, and 32 high: the rows a Gaussian covers are one
-contiguous range, whatever its size, and one flat loop. All state of a tile lies in planes of a single
-array, so that the compiler needs no aliasing tests and emits SIMD code; every decision in a loop is
-a select. The exponent t arrives divided by 8: alpha = exp(t)^8.
+The rows of a tile that a Gaussian covers are one contiguous range and one flat loop. All state of a
+tile lies in planes of a single array, so that the compiler needs no aliasing tests and emits SIMD
+code; every decision in a loop is a select. The exponent t comes divided by 8: alpha = exp(t)^8.
 """
 
 from __future__ import annotations
@@ -16,13 +15,10 @@ from numba import prange, types
 from numba.extending import overload
 from numpy.typing import NDArray
 
+from part2gs_robotics.render_bins import TILE_X, TILE_Y, Ints
 from part2gs_robotics.render_jit import inlined, kernel, parallel_kernel
 from part2gs_robotics.render_project import ALPHA_MAX, ALPHA_MIN, EXP_SCALE, Floats
 
-Ints = NDArray[np.int32]
-
-TILE_X = 8
-TILE_Y = 32
 PIXELS = TILE_X * TILE_Y
 STOP = 1e-4  # transmittance below which a pixel takes no more (3DGS)
 CHECK_EVERY = 16  # Gaussians between two tests whether a whole tile is opaque
@@ -34,8 +30,8 @@ T_FLOOR = -0.75  # below T_MIN: where the fast exponential ends
 # forward r, g, b, z, median z; backward S, gradients of r, g, b, z, and the rest of G.
 FORWARD_PLANES = 9
 BACKWARD_PLANES = 10
-X, Y = 2 * PIXELS, 3 * PIXELS
-P4, P5, P6, P7, P8, P9 = (n * PIXELS for n in range(4, 10))
+# Unsigned indices: signed ones can be negative, and testing for that would cost the SIMD code.
+P1, X, Y, P4, P5, P6, P7, P8, P9 = (np.uint64(n * PIXELS) for n in range(1, 10))
 
 
 def _exp8(t: float) -> float:
@@ -64,52 +60,15 @@ def _exp8_for(t: float) -> Callable[[float], float]:
     return fast
 
 
-@kernel
-def bin_gaussians(order: NDArray[np.int64], visible: NDArray[np.bool_], boxes: Ints,
-                  tiles_x: int, tiles_y: int) -> tuple[NDArray[np.int64], NDArray[np.int64], Ints,
-                                                       Ints]:
-    """List each tile's Gaussians front to back by a counting sort.
-
-    Returns:
-        tile_first [tiles + 1] and ids [M]: Gaussians of tile j are ids[tile_first[j]:...[j + 1]].
-        first [N + 1] and slots [M]: the places of Gaussian i in ids are slots[first[i]:...].
-    """
-    first = np.zeros(len(boxes) + 1, np.int64)
-    tile_first = np.zeros(tiles_x * tiles_y + 1, np.int64)
-    for i in range(len(boxes)):
-        count = 0
-        if visible[i]:
-            for y in range(boxes[i, 1] // TILE_Y, (boxes[i, 3] - 1) // TILE_Y + 1):
-                for x in range(boxes[i, 0] // TILE_X, (boxes[i, 2] - 1) // TILE_X + 1):
-                    tile_first[y * tiles_x + x + 1] += 1
-                    count += 1
-        first[i + 1] = first[i] + count
-    for j in range(tiles_x * tiles_y):
-        tile_first[j + 1] += tile_first[j]
-    cursor = tile_first.copy()
-    ids = np.zeros(first[-1], np.int32)
-    slots = np.zeros(first[-1], np.int32)
-    for i in order:
-        k = first[i]
-        if visible[i]:
-            for y in range(boxes[i, 1] // TILE_Y, (boxes[i, 3] - 1) // TILE_Y + 1):
-                for x in range(boxes[i, 0] // TILE_X, (boxes[i, 2] - 1) // TILE_X + 1):
-                    place = cursor[y * tiles_x + x]
-                    cursor[y * tiles_x + x] += 1
-                    ids[place] = i
-                    slots[k] = place
-                    k += 1
-    return tile_first, ids, first, slots
-
-
 @inlined
-def _blend(s: Floats, g: Floats, mx: float, my: float, count: int) -> None:
-    """Blend one Gaussian, centred at (mx, my) in the tile, into the first pixels of s."""
+def _blend(s: Floats, g: Floats, i: int, mx: float, my: float, first: np.uint64, last: np.uint64
+           ) -> None:
+    """Blend Gaussian i, centred at (mx, my) in the tile, into the pixels first to last."""
     f = s.dtype.type
     zero, floor, t_min, stop, half = f(0), f(T_FLOOR), f(T_MIN), f(STOP), f(0.5)
-    a, b, c, log_opacity, top = g[2], g[3], g[4], g[5], g[6]
-    red, green, blue, z = g[7], g[8], g[9], g[10]
-    for k in range(count):
+    a, b, c, log_opacity, top = g[i, 2], g[i, 3], g[i, 4], g[i, 5], g[i, 6]
+    red, green, blue, z = g[i, 7], g[i, 8], g[i, 9], g[i, 10]
+    for k in range(first, last):
         dx, dy = s[X + k] - mx, s[Y + k] - my
         t = min(dx * (a * dx + b * dy) + (c * dy * dy + log_opacity), top)
         through = s[k]
@@ -118,7 +77,7 @@ def _blend(s: Floats, g: Floats, mx: float, my: float, count: int) -> None:
         alpha = alpha if through >= stop else zero
         w = alpha * through
         s[k] = through - w
-        s[PIXELS + k] = w
+        s[P1 + k] = w
         s[P4 + k] += w * red
         s[P5 + k] += w * green
         s[P6 + k] += w * blue
@@ -142,14 +101,38 @@ def _place(s: Floats) -> None:
     """Set the pixel coordinates of a tile's planes and full transmittance."""
     for k in range(PIXELS):
         s[k] = 1
-        s[X + k] = k % TILE_X
-        s[Y + k] = k // TILE_X
+        s[2 * PIXELS + k] = k % TILE_X
+        s[3 * PIXELS + k] = k // TILE_X
 
 
 @inlined
-def _covered(box: Ints, py: int) -> tuple[int, int]:
-    """Pixels of the tile in the rows that the Gaussian's box covers."""
-    return max(box[1] - py, 0) * TILE_X, min(box[3] - py, TILE_Y) * TILE_X
+def _root(g: Floats, i: int, x: float, level: float) -> float:
+    """Root of the discriminant of the ellipse's equation in y at column x."""
+    f = g.dtype.type
+    b, rest = g[i, 3] * x, g[i, 2] * x * x + level
+    return math.sqrt(max(b * b - f(4) * g[i, 4] * rest, f(0)))
+
+
+@inlined
+def _covered(g: Floats, boxes: Ints, i: int, px: int, py: int) -> tuple[np.uint64, np.uint64]:
+    """Pixels of the tile in the rows where the ellipse of Gaussian i meets the tile's columns.
+
+    The highest point of the ellipse over the columns is above the column nearest to the top's, the
+    lowest one below the column nearest to the bottom's, which lies opposite.
+    """
+    # Whole arrays and an index, never a view: its reference count is an atomic that threads share.
+    f = g.dtype.type
+    left = f(px) + f(0.5) - g[i, 0]
+    right = left + f(TILE_X - 1)
+    x_high, x_low = max(left, min(g[i, 11], right)), max(left, min(-g[i, 11], right))
+    inv, level = f(-0.5) / g[i, 4], g[i, 5] - f(T_MIN)
+    high = _root(g, i, x_high, level) * inv + g[i, 3] * x_high * inv
+    low = g[i, 3] * x_low * inv - _root(g, i, x_low, level) * inv
+    # 0.01 px covers rounding; the box bounds what rounding could do to needles.
+    y0 = max(math.ceil(g[i, 1] + low - f(0.51)), f(boxes[i, 1])) - f(py)
+    y1 = min(math.floor(g[i, 1] + high + f(0.51)), f(boxes[i, 3])) - f(py)
+    first = int(max(y0, f(0)))
+    return np.uint64(first * TILE_X), np.uint64(max(int(min(y1, f(TILE_Y))), first) * TILE_X)
 
 
 @kernel
@@ -161,12 +144,12 @@ def _forward_tile(ids: Ints, packed: Floats, boxes: Ints, extra: Floats, px: int
         if n % CHECK_EVERY == 0 and n > 0 and _opaque(s):
             return n
         i = ids[n]
-        first, last = _covered(boxes[i], py)
-        _blend(s[first:], packed[i], packed[i, 0] - left, packed[i, 1] - top, last - first)
+        first, last = _covered(packed, boxes, i, px, py)
+        _blend(s, packed, i, packed[i, 0] - left, packed[i, 1] - top, first, last)
         for j in range(extra.shape[1]):
             value = extra[i, j]
             for k in range(first, last):
-                channels[j, k] += s[PIXELS + k] * value
+                channels[j, k] += s[P1 + k] * value
     return len(ids)
 
 
@@ -190,29 +173,29 @@ def forward(tile_order: NDArray[np.int64], tile_first: NDArray[np.int64], ids: I
             for x in range(px, min(px + TILE_X, width)):
                 k = (y - py) * TILE_X + x - px
                 for c in range(3):
-                    image[y, x, c] = s[P4 + c * PIXELS + k] + s[k] * background[c]
+                    image[y, x, c] = s[(4 + c) * PIXELS + k] + s[k] * background[c]
                 image[y, x, 3] = one - s[k]
-                image[y, x, 4] = s[P7 + k]
+                image[y, x, 4] = s[7 * PIXELS + k]
                 if s[k] < half:
-                    image[y, x, 5] = s[P8 + k]
+                    image[y, x, 5] = s[8 * PIXELS + k]
                 for c in range(extra.shape[1]):
                     extra_image[y, x, c] = channels[c, k]
 
 
 @inlined
-def _gradient(s: Floats, g: Floats, mx: float, my: float, count: int, row: Floats
-              ) -> None:
-    """Sum one Gaussian's gradients over the first pixels of s into row.
+def _gradient(s: Floats, g: Floats, i: int, mx: float, my: float, first: np.uint64,
+              last: np.uint64, partial: Floats, n: int) -> None:
+    """Sum the gradients of Gaussian i over the pixels first to last into row n of partial.
 
-    With w_i = alpha_i T_i, L is linear: L = sum w_i G_i + T_end B. S holds what is still to come, so
-    dL/dalpha_i = T_i G_i - S_i / (1 - alpha_i), front to back without a stored list.
+    With w_i = alpha_i T_i, L is linear: L = sum w_i G_i + T_end B. S holds what is still to come,
+    so dL/dalpha_i = T_i G_i - S_i / (1 - alpha_i), front to back without a stored list.
     """
     f = s.dtype.type
     zero, one, floor, t_min, t_max, stop = f(0), f(1), f(T_FLOOR), f(T_MIN), f(T_MAX), f(STOP)
-    a, b, c, log_opacity, top = g[2], g[3], g[4], g[5], g[6]
-    red, green, blue, z = g[7], g[8], g[9], g[10]
+    a, b, c, log_opacity, top = g[i, 2], g[i, 3], g[i, 4], g[i, 5], g[i, 6]
+    red, green, blue, z = g[i, 7], g[i, 8], g[i, 9], g[i, 10]
     r0 = r1 = r2 = r3 = r4 = r5 = r6 = r7 = r8 = r9 = zero
-    for k in range(count):
+    for k in range(first, last):
         dx, dy = s[X + k] - mx, s[Y + k] - my
         raw = dx * (a * dx + b * dy) + (c * dy * dy + log_opacity)
         t = min(raw, top)
@@ -226,7 +209,7 @@ def _gradient(s: Floats, g: Floats, mx: float, my: float, count: int, row: Float
         rest = s[P4 + k] - here
         s[k] = through - w
         s[P4 + k] = rest
-        s[PIXELS + k] = w
+        s[P1 + k] = w
         v = here - rest * alpha / (one - alpha)
         v = v if raw < t_max else zero
         vx, vy = v * dx, v * dy
@@ -240,8 +223,8 @@ def _gradient(s: Floats, g: Floats, mx: float, my: float, count: int, row: Float
         r7 += w * s[P6 + k]
         r8 += w * s[P7 + k]
         r9 += w * s[P8 + k]
-    row[0], row[1], row[2], row[3], row[4] = r0, r1, r2, r3, r4
-    row[5], row[6], row[7], row[8], row[9] = r5, r6, r7, r8, r9
+    partial[n, 0], partial[n, 1], partial[n, 2], partial[n, 3], partial[n, 4] = r0, r1, r2, r3, r4
+    partial[n, 5], partial[n, 6], partial[n, 7], partial[n, 8], partial[n, 9] = r5, r6, r7, r8, r9
 
 
 @kernel
@@ -249,34 +232,35 @@ def _backward_tile(ids: Ints, packed: Floats, boxes: Ints, extra: Floats, px: in
                    s: Floats, channels: Floats, partial: Floats) -> None:
     """Fill one row of gradients per Gaussian of the tile."""
     left, top = s.dtype.type(px + 0.5), s.dtype.type(py + 0.5)
-    plain = s[P9:].copy()
+    plain = s[9 * PIXELS:].copy()
     for n in range(len(ids)):
         i = ids[n]
-        first, last = _covered(boxes[i], py)
+        first, last = _covered(packed, boxes, i, px, py)
         if extra.shape[1] > 0:
-            s[P9 + first:P9 + last] = plain[first:last]
+            for k in range(first, last):
+                s[P9 + k] = plain[k]
             for j in range(extra.shape[1]):
                 value = extra[i, j]
                 for k in range(first, last):
                     s[P9 + k] += channels[j, k] * value
-        _gradient(s[first:], packed[i], packed[i, 0] - left, packed[i, 1] - top, last - first, partial[n])
+        _gradient(s, packed, i, packed[i, 0] - left, packed[i, 1] - top, first, last, partial, n)
         for j in range(extra.shape[1]):
             total = s.dtype.type(0)
             for k in range(first, last):
-                total += s[PIXELS + k] * channels[j, k]
+                total += s[P1 + k] * channels[j, k]
             partial[n, 10 + j] = total
 
 
 @inlined
 def _load_pixel(s: Floats, k: int, pixel: Floats, gradient: Floats) -> None:
     """Set a pixel's planes before the first Gaussian."""
-    s[P4 + k] = (gradient[0] * pixel[0] + gradient[1] * pixel[1] + gradient[2] * pixel[2]
+    s[4 * PIXELS + k] = (gradient[0] * pixel[0] + gradient[1] * pixel[1] + gradient[2] * pixel[2]
                  + gradient[3] * pixel[3] + gradient[4] * pixel[4])
-    s[P5 + k] = gradient[0]
-    s[P6 + k] = gradient[1]
-    s[P7 + k] = gradient[2]
-    s[P8 + k] = gradient[4]
-    s[P9 + k] = gradient[3]
+    s[5 * PIXELS + k] = gradient[0]
+    s[6 * PIXELS + k] = gradient[1]
+    s[7 * PIXELS + k] = gradient[2]
+    s[8 * PIXELS + k] = gradient[4]
+    s[9 * PIXELS + k] = gradient[3]
 
 
 @parallel_kernel
@@ -304,6 +288,6 @@ def backward(tile_order: NDArray[np.int64], tile_first: NDArray[np.int64], ids: 
                     _load_pixel(s, k, image[y, x], d_image[y, x])
                     for c in range(extra.shape[1]):
                         channels[c, k] = d_extra_image[y, x, c]
-                        s[P4 + k] += d_extra_image[y, x, c] * extra_image[y, x, c]
+                        s[4 * PIXELS + k] += d_extra_image[y, x, c] * extra_image[y, x, c]
             _backward_tile(ids[start:end], packed, boxes, extra, px, py, s, channels,
                            partial[start:end])

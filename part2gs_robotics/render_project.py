@@ -1,9 +1,9 @@
 """Numba kernels: Gaussians to screen-space ellipses, forward and backward.
 
 Source: EWA splatting (Zwicker 2001) as in 3D Gaussian Splatting (Kerbl 2023, eq. 5): the 2-D
-covariance is J W Sigma W^T J^T + 0.3 I. With M = J W R S it is M M^T + 0.3 I, and its determinant is
-|M0 x M1|^2 + 0.3 tr(M M^T) + 0.09: a sum of positive terms, exact for needle shapes too. Scalars
-are float64 whatever the arrays hold: it costs nothing here.
+covariance is J W Sigma W^T J^T + 0.3 I. With M = J W R S it is M M^T + 0.3 I, and its determinant
+is |M0 x M1|^2 + 0.3 tr(M M^T) + 0.09: a sum of positive terms, exact for needle shapes too.
+Scalars are float64 whatever the arrays hold: it costs nothing here.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from part2gs_robotics.render_jit import inlined, parallel_kernel
 Floats = NDArray[np.floating]
 Vec = tuple[float, float, float]
 
-PACKED = 12  # mx, my, a, b, c, log-opacity, upper bound, r, g, b, z, unused (48-byte rows)
+PACKED = 12  # mx, my, a, b, c, log-opacity, upper bound, r, g, b, z, x of the ellipse's top
 GRADS = 10  # per intersection: moments of v (1, dx, dy, dx dx, dx dy, dy dy), r, g, b, z
 LOW_PASS = 0.3  # pixels^2 added to the 2-D covariance (3DGS)
 FOV_MARGIN = 0.3  # of tan(fov / 2) outside the image where the Jacobian is frozen (3DGS: 1.3 x)
@@ -141,12 +141,13 @@ def _project_one(i: int, means: Floats, quats: Floats, scales: Floats, opacity: 
         return False
     log_opacity = math.log(opacity)
     level = 2 * (log_opacity - math.log(ALPHA_MIN))
+    extent_y = math.sqrt(level * c)
     box[0], box[2] = _pixel_range(mx, math.sqrt(level * a), width)
-    box[1], box[3] = _pixel_range(my, math.sqrt(level * c), height)
+    box[1], box[3] = _pixel_range(my, extent_y, height)
     scale = -1 / (EXP_SCALE * det)
     packed[0], packed[1], packed[10] = mx, my, t[2]
     packed[2], packed[3], packed[4] = 0.5 * c * scale, -b * scale, 0.5 * a * scale
-    packed[5] = log_opacity / EXP_SCALE
+    packed[5], packed[11] = log_opacity / EXP_SCALE, b / c * extent_y
     packed[6] = min(packed[5], math.log(ALPHA_MAX) / EXP_SCALE)
     return bool(box[2] > box[0] and box[3] > box[1])
 

@@ -1,7 +1,7 @@
 """View-dependent colour: real spherical harmonics of degree 0 to 3, forward and backward, in Numba.
 
 Colour = max(0, 0.5 + sum_k B_k(d) c_k) with d the unit direction from the camera to the Gaussian.
-Source: Kerbl 2023, section 5; signs and order of the basis as in 3DGS files, so that they open there.
+Source: Kerbl 2023, section 5; signs and order of the basis are those of 3DGS PLY files.
 """
 
 from __future__ import annotations
