@@ -71,8 +71,10 @@ def build(path: Path, config: Config) -> int:
     with store.locked(), logging_to(out, output.quiet, output.verbose):
         logger.info("part2gs-robot %s, CPU renderer, seed %d: %s (%s layout) to %s", __version__,
                     config.fit.seed, path, scene.layout, out)
-        for note in (*scene.notes, *((cache_note,) if cache_note else ())):
-            logger.warning("%s", note)
+        for note in scene.notes:
+            logger.info("%s", note)
+        if cache_note:
+            logger.warning("%s", cache_note)
         return _Corridor(scene, config, store, time.monotonic() - began).run()
 
 

@@ -19,6 +19,9 @@ MAX_JSON_BYTES = 64 << 20  # 10,000 frames with every key are below 10 MB
 MAX_FRAMES = 10_000  # more posed photos of one object are a mistake
 PINHOLE_MODELS = ("OPENCV", "PINHOLE", "SIMPLE_PINHOLE", "SIMPLE_RADIAL", "RADIAL", "PERSPECTIVE")
 ROTATION_TOLERANCE = 1e-3  # files rounded to 4 digits stay inside, a scaled pose does not
+MAX_COORDINATE = 1e9  # a camera this far from the origin is an export error; squares stay finite
+FOCAL_BOUNDS = (0.1, 1e4)  # of the longer side: 157 degrees wide to nearly parallel rays
+MAX_DISTORTION = 100.0  # coefficients of real lenses stay below 10, those of long lenses below 100
 SUFFIXES = (".png", ".jpg", ".jpeg", ".PNG", ".JPG", ".JPEG")
 DEPTH_UNIT = 1e-3  # uint16 millimetres unless depth_unit_scale_factor says otherwise
 
@@ -196,9 +199,10 @@ def _intrinsics(entries: Json, size: tuple[int, int], where: str) -> F64:
     else:
         fl_x = _focal(entries, "camera_angle_x", width, where, None)
         fl_y = _focal(entries, "camera_angle_y", height, where, fl_x)
-    if not (0 < fl_x < 1e7 and 0 < fl_y < 1e7):  # 1e7 px: parallel rays, no camera
-        raise SceneError(f"{where}: focal length is {fl_x:g}, {fl_y:g} pixels. Expected positive "
-                         "numbers near the image width; export the cameras again.")
+    low, high = (bound * max(size) for bound in FOCAL_BOUNDS)
+    if not (low < fl_x < high and low < fl_y < high and 0.5 < fl_x / fl_y < 2):
+        raise SceneError(f"{where}: focal length is {fl_x:g}, {fl_y:g} pixels. Expected two similar "
+                         f"numbers from {low:g} to {high:g}; export the cameras again.")
     cx, cy = number(entries, "cx", where, width / 2), number(entries, "cy", where, height / 2)
     if not (0 < cx < width and 0 < cy < height):
         raise SceneError(f"{where}: principal point is {cx:g}, {cy:g}. Expected a point inside the "
@@ -228,6 +232,9 @@ def _distortion(entries: Json, where: str) -> tuple[float, ...] | None:
                          f"{', '.join(PINHOLE_MODELS)}; undistort fisheye photos first "
                          "(for example with COLMAP's image_undistorter).")
     found = tuple(number(entries, key, where, 0.0) for key in ("k1", "k2", "p1", "p2", "k3"))
+    if max(map(abs, found)) > MAX_DISTORTION:
+        raise SceneError(f"{where}: distortion k1 k2 p1 p2 k3 is {found}. Expected numbers below "
+                         f"{MAX_DISTORTION:g}; export the cameras again.")
     return found if any(found) else None
 
 
@@ -244,9 +251,10 @@ def camera_from_world(frame: Json, where: str) -> F64:
     if matrix.shape != (4, 4):
         raise SceneError(f"{where}: transform_matrix has shape {matrix.shape}. Expected 4 x 4 "
                          "numbers, camera to world; export the cameras again.")
-    if not np.isfinite(matrix).all():
-        raise SceneError(f"{where}: transform_matrix holds NaN or infinity. Expected finite "
-                         "numbers; drop the frame or export the cameras again.")
+    if not (np.abs(matrix) < MAX_COORDINATE).all():  # false for NaN, too
+        raise SceneError(f"{where}: transform_matrix holds NaN, infinity or a number beyond "
+                         f"{MAX_COORDINATE:g}. Expected finite numbers; drop the frame or export "
+                         "the cameras again.")
     rot = matrix[:3, :3]
     error = float(np.abs(rot.T @ rot - np.eye(3)).max())
     if error > ROTATION_TOLERANCE or np.linalg.det(rot) < 0:
