@@ -19,7 +19,7 @@ TILE_Y = 32
 
 @kernel
 def bin_gaussians(order: NDArray[np.int64], visible: NDArray[np.bool_], boxes: Ints,
-                  tiles_x: int, tiles_y: int) -> tuple[NDArray[np.int64], NDArray[np.int64], Ints,
+                  tiles_x: int, tiles_y: int) -> tuple[NDArray[np.int64], Ints, NDArray[np.int64],
                                                        Ints]:
     """List each tile's Gaussians front to back by a counting sort.
 
@@ -40,8 +40,8 @@ def bin_gaussians(order: NDArray[np.int64], visible: NDArray[np.bool_], boxes: I
     for j in range(tiles_x * tiles_y):
         tile_first[j + 1] += tile_first[j]
     cursor = tile_first.copy()
-    ids = np.zeros(first[-1], np.int32)
-    slots = np.zeros(first[-1], np.int32)
+    ids: Ints = np.zeros(first[-1], np.int32)
+    slots: Ints = np.zeros(first[-1], np.int32)
     for i in order:
         k = first[i]
         if visible[i]:

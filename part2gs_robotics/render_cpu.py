@@ -127,15 +127,19 @@ def render(means: Floats, quats: Floats, scales: Floats, opacities: Floats, colo
     Returns:
         The images. A Gaussian with a value that is not finite is left out.
     """
-    dtype = np.dtype(np.float64 if np.asarray(means).dtype == np.float64 else np.float32)
+    double = np.asarray(means).dtype == np.float64
+    dtype: np.dtype[np.floating] = np.dtype(np.float64) if double else np.dtype(np.float32)
     n = len(means)
-    inputs = [_array(a, dtype) for a in (means, quats, scales, opacities, colors)]
+    means, quats, scales, opacities, colors = (
+        _array(a, dtype) for a in (means, quats, scales, opacities, colors))
     extras = np.zeros((n, 0), dtype) if extra is None else _array(extra, dtype)
     behind = np.zeros(3, dtype) if background is None else _array(background, dtype)
-    view, camera = _array(viewmat, np.float64), _camera(_array(K, np.float64), width, height)
+    view = np.ascontiguousarray(viewmat, np.float64)
+    camera = _camera(np.asarray(K, np.float64), width, height)
     packed, boxes = np.zeros((n, PACKED), dtype), np.zeros((n, 4), np.int32)
     visible = np.zeros(n, np.bool_)
-    project(*inputs, extras, view, camera, width, height, packed, boxes, visible)
+    project(means, quats, scales, opacities, colors, extras, view, camera, width, height, packed,
+            boxes, visible)
     tiles_x, tiles_y = -(-width // TILE_X), -(-height // TILE_Y)
     tile_first, ids, first, slots = bin_gaussians(
         _front_to_back(packed[:, 10]), visible, boxes, tiles_x, tiles_y)
@@ -145,8 +149,8 @@ def render(means: Floats, quats: Floats, scales: Floats, opacities: Floats, colo
     needed = np.zeros(tiles_x * tiles_y, np.int32)
     kernels.forward(tile_order, tile_first, ids, packed, boxes, extras, behind, image, extra_image,
                     needed)
-    saved = Saved(*inputs[:4], extras, view, camera, packed, boxes, tile_order, tile_first, ids,
-                  first, slots, needed, image, extra_image)
+    saved = Saved(means, quats, scales, opacities, extras, view, camera, packed, boxes, tile_order,
+                  tile_first, ids, first, slots, needed, image, extra_image)
     return Rendered(image[..., :3], image[..., 3], image[..., 4], extra_image, image[..., 5],
                     visible, saved)
 
@@ -175,14 +179,16 @@ def render_backward(rendered: Rendered, d_color: Floats | None, d_alpha: Floats 
     partial = np.zeros((len(s.ids), GRADS + s.extra.shape[1]), dtype)
     kernels.backward(s.tile_order, s.tile_first, s.ids, s.needed, s.packed, s.boxes, s.extra,
                      s.image, s.extra_image, d_image, d_channels, partial)
-    shapes = ((n, 3), (n, 4), (n, 3), (n,), (n, 3), (n, s.extra.shape[1]), (n,))
-    out = [np.zeros(shape, dtype) for shape in shapes]
+    g = Gradients(np.zeros((n, 3), dtype), np.zeros((n, 4), dtype), np.zeros((n, 3), dtype),
+                  np.zeros(n, dtype), np.zeros((n, 3), dtype), np.zeros_like(s.extra),
+                  np.zeros(n, dtype), rendered.visible)
     project_backward(s.means, s.quats, s.scales, s.opacities, s.view, s.camera, s.first, s.slots,
-                     partial, *out)
-    return Gradients(*out, visible=rendered.visible)
+                     partial, g.means, g.quats, g.scales, g.opacities, g.colors, g.extra,
+                     g.means2d_abs)
+    return g
 
 
-def _array(values: ArrayLike, dtype: np.dtype[np.floating] | type[np.float64]) -> Floats:
+def _array(values: ArrayLike, dtype: np.dtype[np.floating]) -> Floats:
     """Return a C-contiguous array of the dtype, the same one where it is already."""
     return np.ascontiguousarray(values, dtype=dtype)
 

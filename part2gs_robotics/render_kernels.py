@@ -20,6 +20,9 @@ from part2gs_robotics.render_jit import inlined, kernel, parallel_kernel
 from part2gs_robotics.render_project import ALPHA_MAX, ALPHA_MIN, EXP_SCALE, Floats
 
 PIXELS = TILE_X * TILE_Y
+# Planes of one tile, in the precision of the image; typed as the precision that is a float.
+Tile = NDArray[np.float64]
+
 STOP = 1e-4  # transmittance below which a pixel takes no more (3DGS)
 CHECK_EVERY = 16  # Gaussians between two tests whether a whole tile is opaque
 T_MIN = math.log(ALPHA_MIN) / EXP_SCALE
@@ -55,13 +58,13 @@ def _exp8_for(t: float) -> Callable[[float], float]:
         p = c0 + t * (c1 + t * (c2 + t * (c3 + t * (c4 + t * c5))))
         p *= p
         p *= p
-        return p * p
+        return p * p  # type: ignore[return-value]  # float would widen it to float64
 
     return fast
 
 
 @inlined
-def _blend(s: Floats, g: Floats, i: int, mx: float, my: float, first: np.uint64, last: np.uint64
+def _blend(s: Tile, g: Floats, i: int, mx: float, my: float, first: np.uint64, last: np.uint64
            ) -> None:
     """Blend Gaussian i, centred at (mx, my) in the tile, into the pixels first to last."""
     f = s.dtype.type
@@ -137,7 +140,7 @@ def _covered(g: Floats, boxes: Ints, i: int, px: int, py: int) -> tuple[np.uint6
 
 @kernel
 def _forward_tile(ids: Ints, packed: Floats, boxes: Ints, extra: Floats, px: int, py: int,
-                  s: Floats, channels: Floats) -> int:
+                  s: Tile, channels: Floats) -> int:
     """Blend a tile's Gaussians into its planes; return how many were needed."""
     left, top = s.dtype.type(px + 0.5), s.dtype.type(py + 0.5)
     for n in range(len(ids)):
@@ -168,7 +171,7 @@ def forward(tile_order: NDArray[np.int64], tile_first: NDArray[np.int64], ids: I
         channels = np.zeros((extra.shape[1], PIXELS), image.dtype)
         _place(s)
         needed[tile] = _forward_tile(ids[tile_first[tile]:tile_first[tile + 1]], packed, boxes,
-                                     extra, px, py, s, channels)
+                                     extra, px, py, s, channels)  # type: ignore[arg-type]
         for y in range(py, min(py + TILE_Y, height)):
             for x in range(px, min(px + TILE_X, width)):
                 k = (y - py) * TILE_X + x - px
@@ -183,7 +186,7 @@ def forward(tile_order: NDArray[np.int64], tile_first: NDArray[np.int64], ids: I
 
 
 @inlined
-def _gradient(s: Floats, g: Floats, i: int, mx: float, my: float, first: np.uint64,
+def _gradient(s: Tile, g: Floats, i: int, mx: float, my: float, first: np.uint64,
               last: np.uint64, partial: Floats, n: int) -> None:
     """Sum the gradients of Gaussian i over the pixels first to last into row n of partial.
 
@@ -229,7 +232,7 @@ def _gradient(s: Floats, g: Floats, i: int, mx: float, my: float, first: np.uint
 
 @kernel
 def _backward_tile(ids: Ints, packed: Floats, boxes: Ints, extra: Floats, px: int, py: int,
-                   s: Floats, channels: Floats, partial: Floats) -> None:
+                   s: Tile, channels: Floats, partial: Floats) -> None:
     """Fill one row of gradients per Gaussian of the tile."""
     left, top = s.dtype.type(px + 0.5), s.dtype.type(py + 0.5)
     plain = s[9 * PIXELS:].copy()
@@ -289,5 +292,5 @@ def backward(tile_order: NDArray[np.int64], tile_first: NDArray[np.int64], ids: 
                     for c in range(extra.shape[1]):
                         channels[c, k] = d_extra_image[y, x, c]
                         s[4 * PIXELS + k] += d_extra_image[y, x, c] * extra_image[y, x, c]
-            _backward_tile(ids[start:end], packed, boxes, extra, px, py, s, channels,
+            _backward_tile(ids[start:end], packed, boxes, extra, px, py, s, channels,  # type: ignore[arg-type]
                            partial[start:end])
