@@ -1,4 +1,4 @@
-"""Draw the README's picture from a build: photos of both states above the twin in MuJoCo.
+"""Draw the README's picture from a build: photos of both states beside the twin in MuJoCo.
 
 python benchmarks/readme_figure.py examples/microwave out/demo docs/figure.png
 """
@@ -20,6 +20,8 @@ from numpy.typing import NDArray
 
 Rgb = NDArray[np.uint8]
 TILE = 360  # four tiles are as wide as the README's column on a dense screen
+# By body: world, base, then the moving parts.
+TINTS = ((0.6, 0.6, 0.6), (0.62, 0.65, 0.7), (0.16, 0.42, 0.8), (0.85, 0.4, 0.12), (0.2, 0.6, 0.35))
 INK, PAPER = (40, 34, 27), (255, 255, 255)  # BGR
 
 
@@ -31,14 +33,15 @@ def main() -> int:
     parser.add_argument("figure", type=Path)
     parser.add_argument("--views", type=int, nargs=2, default=(14, 8), help="one view per state")
     args = parser.parse_args()
-    photos, renders = [], []
-    for state, index in zip(("start", "end"), args.views, strict=True):
-        photo, camera, focal = read_view(args.scene, state, index)
-        photos.append(photo)
-        renders.append(render(args.twin, f"state_{len(photos) - 1}", camera, focal, len(photo)))
-    pictures = [photos[0], photos[1], renders[0], renders[1]]
-    names = ("photo, state 0", "photo, state 1", "twin in MuJoCo, state 0", "twin, state 1")
-    tiles = [labelled(picture, name) for picture, name in zip(pictures, names, strict=True)]
+    first, _, _ = read_view(args.scene, "start", args.views[0])
+    second, camera, focal = read_view(args.scene, "end", args.views[1])
+    pictures = {
+        "photo, state 0": first,
+        "photo, state 1": second,
+        "twin in MuJoCo, state 1": render(args.twin, 1.0, camera, focal, len(second)),
+        "half way, coloured by part": render(args.twin, 0.5, camera, focal, len(second), tint=True),
+    }
+    tiles = [labelled(picture, name) for name, picture in pictures.items()]
     cv2.imwrite(str(args.figure), np.hstack(tiles), [cv2.IMWRITE_PNG_COMPRESSION, 9])
     return 0
 
@@ -54,19 +57,29 @@ def read_view(scene: Path, state: str, index: int) -> tuple[Rgb, NDArray[np.floa
 
 
 def render(
-    twin: Path, key: str, world_from_camera: NDArray[np.float64], focal: float, size: int
+    twin: Path,
+    share: float,
+    world_from_camera: NDArray[np.float64],
+    focal: float,
+    size: int,
+    *,
+    tint: bool = False,
 ) -> Rgb:
-    """Return the twin's visual meshes at a keyframe, on white (BGR), as that camera sees them."""
+    """Return the twin on white (BGR) as a camera sees it, `share` of the way to state 1."""
     spec = mujoco.MjSpec.from_file(str(twin / "twin.xml"))
     spec.worldbody.add_camera(name="view", fovy=float(np.rad2deg(2 * np.arctan(size / 2 / focal))))
-    spec.visual.headlight.ambient, spec.visual.headlight.diffuse = [0.55] * 3, [0.5] * 3
+    spec.visual.headlight.ambient, spec.visual.headlight.diffuse = [0.4] * 3, [0.5] * 3
     spec.visual.global_.offwidth = spec.visual.global_.offheight = 2 * TILE
     model = spec.compile()
     data = mujoco.MjData(model)
-    mujoco.mj_resetDataKeyframe(model, data, model.key(key).id)
+    start, end = (model.key(key).qpos for key in ("state_0", "state_1"))
+    data.qpos[:] = (1 - share) * start + share * end
     mujoco.mj_forward(model, data)
     data.cam_xpos[-1] = world_from_camera[:3, 3]
     data.cam_xmat[-1] = world_from_camera[:3, :3].ravel()
+    if tint:
+        model.geom_matid[:] = -1
+        model.geom_rgba[:, :3] = [TINTS[int(body) % len(TINTS)] for body in model.geom_bodyid]
     option = mujoco.MjvOption()
     option.geomgroup[:] = [0, 0, 1, 0, 0, 0]
     with mujoco.Renderer(model, 2 * TILE, 2 * TILE) as renderer:
