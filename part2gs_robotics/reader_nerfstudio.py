@@ -201,8 +201,8 @@ def _intrinsics(entries: Json, size: tuple[int, int], where: str) -> F64:
         fl_y = _focal(entries, "camera_angle_y", height, where, fl_x)
     low, high = (bound * max(size) for bound in FOCAL_BOUNDS)
     if not (low < fl_x < high and low < fl_y < high and 0.5 < fl_x / fl_y < 2):
-        raise SceneError(f"{where}: focal length is {fl_x:g}, {fl_y:g} pixels. Expected two similar "
-                         f"numbers from {low:g} to {high:g}; export the cameras again.")
+        raise SceneError(f"{where}: focal length is {fl_x:g}, {fl_y:g} pixels. Expected two "
+                         f"similar numbers from {low:g} to {high:g}; export the cameras again.")
     cx, cy = number(entries, "cx", where, width / 2), number(entries, "cy", where, height / 2)
     if not (0 < cx < width and 0 < cy < height):
         raise SceneError(f"{where}: principal point is {cx:g}, {cy:g}. Expected a point inside the "

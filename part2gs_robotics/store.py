@@ -182,6 +182,8 @@ class Store:
         try:
             yield fresh
             self._publish(fresh)
+        except OSError as err:  # a writer met a full or failing disk
+            raise write_error(fresh, err) from err
         finally:
             remove_quietly(fresh)
 

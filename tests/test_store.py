@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import signal
 import subprocess
@@ -223,3 +224,12 @@ def test_failure_while_writing_leaves_the_earlier_twin(stored: Store) -> None:
         fail_half_way()
     assert (stored.out / "twin.xml").read_text() == "first"
     assert not list(stored.out.glob(".new-*"))
+
+
+def test_disk_error_of_a_writer_is_a_store_error(stored: Store) -> None:
+    def fill_the_disk() -> None:
+        with stored.new_files():
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    with pytest.raises(StoreError, match="No space left.*free some space"):
+        fill_the_disk()
