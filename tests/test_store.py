@@ -231,5 +231,5 @@ def test_disk_error_of_a_writer_is_a_store_error(stored: Store) -> None:
         with stored.new_files():
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
-    with pytest.raises(StoreError, match="No space left.*free some space"):
+    with pytest.raises(StoreError, match=r"No space left.*free some space"):
         fill_the_disk()
