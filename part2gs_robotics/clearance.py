@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from part2gs_robotics.kinematics import moving_parts, part_transforms, subtree
 from part2gs_robotics.se3 import inverse
-from part2gs_robotics.solids import bounds, to_manifold, to_mesh
+from part2gs_robotics.solids import bounds, hull_of, to_mesh
 from part2gs_robotics.twin import PartMesh, Twin
 
 if TYPE_CHECKING:
@@ -23,9 +23,10 @@ if TYPE_CHECKING:
 F64 = NDArray[np.float64]
 GAP = 5e-4  # of the size: half a millimetre on a metre, free of contact forces
 STEPS = 30  # per joint; 90 degrees in steps of 3: the arc between leaves 0.03 % of the radius
-DEEPEST = 0.5  # of a piece's own width: deeper overlaps are no noise and are left alone
+QUARTER = 0.25  # of its width a thin wall gives first
+DEEPEST = 0.5  # of its width any piece gives: deeper overlaps are no noise and are left alone
 CRUMB = 1e-7  # of the size cubed
-SPLINTER = 0.01  # of all collision volume of a part: so small a piece may be given up
+SPLINTER = 0.02  # of all collision volume of a part: so small a piece may be given up
 
 
 @dataclass
@@ -50,7 +51,7 @@ def separate_pieces(twin: Twin, *, gap: float | None = None) -> Twin:
     """Return the twin with collision pieces that no joint drives into each other.
 
     Every joint is swept over its range with the others at state 0 and at state 1; wherever pieces of a moved and an unmoved part come closer than `gap`, both are cut back to a
-    plane between them, each in proportion to its width. Visual meshes stay as they are.
+    plane between them. Visual meshes stay as they are.
 
     Args:
         twin: with convex pieces.
@@ -65,7 +66,7 @@ def separate_pieces(twin: Twin, *, gap: float | None = None) -> Twin:
     pieces = [
         _Piece(i, solid, *_corners(solid))
         for i, part in enumerate(twin.parts)
-        for solid in (to_manifold(p).hull() for p in part.pieces)
+        for solid in (hull_of(p.vertices) for p in part.pieces)
     ]
     before = sum(float(p.solid.volume()) for p in pieces)
     for piece in pieces:
@@ -190,22 +191,38 @@ def _separate(one: _Piece, two: _Piece, two_from_one: list[F64], gap: float) -> 
     normal, top, bottom = normals[best], float(along_a[best].max()), float(along_b[best].min())
     width_a = float(np.ptp(one.vertices @ (two_from_one[0][:3, :3].T @ normal)))
     width_b = float(np.ptp(along_b[best]))
-    share = width_a / max(width_a + width_b, 1e-300)
-    cut = float(depth[best]) + gap
-    if cut * share > DEEPEST * width_a or cut * (1 - share) > DEEPEST * width_b:
-        return _drop_splinter(one, two)
+    shares = _shares((one, width_a), (two, width_b), float(depth[best]) + gap)
+    if shares is None:
+        return False
     for move in two_from_one:
         in_one = move[:3, :3].T @ normal
-        level = top - cut * share - float(normal @ move[:3, 3])
+        level = top - shares[0] - float(normal @ move[:3, 3])
         one.recut(one.solid.trim_by_plane((-in_one).tolist(), -level))
-    two.recut(two.solid.trim_by_plane(normal.tolist(), bottom + cut * (1 - share)))
+    two.recut(two.solid.trim_by_plane(normal.tolist(), bottom + shares[1]))
     return True
 
 
-def _drop_splinter(one: _Piece, two: _Piece) -> bool:
-    """Give up the smaller of two pieces that cannot be parted if its part can spare it."""
-    small = one if one.solid.volume() < two.solid.volume() else two
-    if small.solid.volume() > small.splinter:
-        return False
-    small.recut(small.solid - small.solid)
-    return True
+def _shares(
+    a: tuple[_Piece, float], b: tuple[_Piece, float], cut: float
+) -> tuple[float, float] | None:
+    """Return how much of a cut each of two (piece, width) takes; None if neither can.
+
+    A slice off the piece with the smaller section costs least volume, but thin walls should stay:
+    up to a quarter of its width is taken there, or the whole piece when it is a splinter.
+    """
+    section = [piece.solid.volume() / max(width, 1e-300) for piece, width in (a, b)]
+    small = int(section[0] > section[1])
+    (piece, width), other = (a, b)[small], (b, a)[small]
+    slim = min(cut, QUARTER * width)
+    rest = cut - slim
+    loss = slim * section[small] + rest * section[1 - small]
+    fits = rest <= DEEPEST * other[1]
+    options = [(loss, slim, rest)] if fits else []
+    if cut <= DEEPEST * width:
+        options.append((2 * cut * section[small], cut, 0.0))
+    if piece.solid.volume() <= piece.splinter:
+        options.append((3 * float(piece.solid.volume()), 2 * width + cut, 0.0))
+    if not options:
+        return None
+    _, first, second = min(options)
+    return (first, second) if small == 0 else (second, first)

@@ -19,9 +19,8 @@ from part2gs_robotics.convex_planes import (
     facets,
     main_directions,
     wall_cuts,
-    weighted_quantile,
 )
-from part2gs_robotics.solids import require_closed, to_manifold, to_mesh
+from part2gs_robotics.solids import corners_of, hull_of, require_closed, to_manifold, to_mesh
 from part2gs_robotics.twin import PartMesh
 
 if TYPE_CHECKING:
@@ -35,7 +34,7 @@ FEW_FACES = 6000  # cuts cost 10 ms on so many
 CRUMB = 1e-5  # of the volume: dropped
 FILM = 0.2  # of the tolerance: thinner pieces are dropped
 MAX_VERTICES = 64  # of one hull: keeps the engine's support function fast
-SNAP = 0.6  # share of a side that must be one wall for the side to be cut flat
+HALF = 0.5  # of the hull's section: less is more phantom than part
 SHRINK = 0.7  # share of its volume a piece keeps when its sides are cut flat
 
 
@@ -84,7 +83,7 @@ def convex_pieces(
     red, green, blue = (int(c) for c in mesh.colors.mean(0)) if len(mesh.colors) else (160,) * 3
     hulls = [_tidy(leaf, tolerance) for leaf in leaves]
     kept = [h for h in hulls if h.num_tri() >= 4 and h.volume() > CRUMB * solid.volume() / 10]
-    return tuple(to_mesh(h, (red, green, blue)) for h in kept or [solid.hull()])
+    return tuple(to_mesh(h, (red, green, blue)) for h in kept or [hull_of(mesh.vertices)])
 
 
 def bound(mesh: PartMesh, pieces: tuple[PartMesh, ...]) -> Bound:
@@ -96,12 +95,12 @@ def bound_of(solid: Manifold, pieces: tuple[PartMesh, ...]) -> Bound:
     """Measure convex pieces, taken as the hulls of their corners, against a solid."""
     import manifold3d
 
-    hulls = [manifold3d.Manifold.hull_points(p.vertices) for p in pieces]
+    hulls = [hull_of(p.vertices) for p in pieces]
     union = manifold3d.Manifold.batch_boolean(hulls, manifold3d.OpType.Add)
     phantom = union - solid
     parts = phantom.decompose() if phantom.volume() > 0 else []
     depth = max((2 * p.volume() / p.surface_area() for p in parts if p.volume() > 0), default=0.0)
-    missing = max(float((solid - union).volume()), 0.0)
+    missing = max(float(solid.volume() - (union.volume() - phantom.volume())), 0.0)
     return Bound(max(float(phantom.volume()), 0.0), missing, float(solid.volume()), float(depth))
 
 
@@ -202,32 +201,44 @@ def _cost(children: list[Manifold], tolerance: float) -> float:
 
 def _tidy(piece: Manifold, tolerance: float) -> Manifold:
     """Return the hull of a piece with its walls cut flat and few corners."""
-    hull = _flat_sides(piece, tolerance).hull()
+    hull = hull_of(corners_of(_flat_sides(piece, tolerance)))
     step = 0.05 * tolerance
     while hull.num_vert() > MAX_VERTICES and step < 4 * tolerance:
-        hull = hull.simplify(step).hull()  # corners are only dropped: the hull can only shrink
+        # corners are only dropped: the hull can only shrink
+        hull = hull_of(corners_of(hull.simplify(step)))
         step *= 1.5
     return hull
 
 
 def _flat_sides(piece: Manifold, tolerance: float) -> Manifold:
-    """Cut every side that is mostly one noisy wall at the wall's own level.
+    """Cut every noisy side at the level where the piece fills half of its hull's section.
 
-    The hull of a noisy board touches its highest bumps; its level is the median of the wall.
+    The hull of a noisy board touches its highest bumps. Above the chosen level more of the hull is
+    empty than full: cutting there removes more phantom than part.
     """
-    surface = _facets(piece)
+    surface, outer = _facets(piece), _facets(piece.hull())
     out = piece
-    for axis in main_directions(surface):
+    for axis in main_directions(outer):
         for direction in (axis, -axis):
-            along = surface.normals @ direction
-            offsets = surface.centers @ direction
-            top = float(offsets[along > 0].max(initial=-np.inf))
-            wall = (along > 0.8) & (offsets > top - 2 * tolerance)
-            front = float((surface.areas * np.maximum(along, 0)).sum())
-            if not wall.any() or float(surface.areas[wall] @ along[wall]) < SNAP * front:
-                continue
-            level = weighted_quantile(offsets[wall], surface.areas[wall], 0.5)
+            level = _half_full(surface, outer, direction, 2 * tolerance)
             trimmed = out.trim_by_plane((-direction).tolist(), -level)
             if trimmed.volume() > SHRINK * out.volume():
                 out = trimmed
     return out
+
+
+def _half_full(surface: Facets, outer: Facets, direction: F64, reach: float) -> float:
+    """Return the highest level, at most `reach` below the top, that is half full.
+
+    The section of a solid at a level is the net area, along the direction, of all faces above it.
+    Without such a level (a bar, a wedge) the top itself is returned.
+    """
+    offsets = surface.centers @ direction
+    order = np.argsort(-offsets)
+    section = np.cumsum((surface.areas * (surface.normals @ direction))[order])
+    front = float((outer.areas * np.maximum(outer.normals @ direction, 0)).sum())
+    full = np.flatnonzero(section >= HALF * front)
+    top = float(offsets[order[0]]) + reach  # centres of faces lie below the highest corner
+    if not len(full) or offsets[order[full[0]]] < offsets[order[0]] - reach:
+        return top
+    return float(offsets[order[full[0]]])

@@ -22,6 +22,7 @@ STILL_ANGLE = np.deg2rad(0.1)
 STILL_SHARE = 1e-3  # of the size for slides: 1 mm on a metre
 CARRIED_SHARE = 0.01  # of its own range, for a joint that rides on the driven part: it sags anew
 SETTLE, TRAVEL, HOLD = 0.5, 3.0, 1.0  # s; settle + 2 (travel + hold) = 8.5 s < 10 s
+FAR_END = SETTLE + TRAVEL + HOLD
 CONTROL = 0.02  # s between commands
 MAX_STEPS = 200_000  # of one drive; a finer time step is reported, not waited for
 
@@ -76,8 +77,21 @@ def drive(subject: Subject, joint: DrivenJoint) -> Drive:
         qpos[i] = data.qpos
         if not np.isfinite(data.qpos).all():
             break
-    held = np.concatenate([[False], np.abs(np.diff(targets)) < 1e-12])
-    return Drive(times, targets, qpos, held, warnings_of(data), bool(np.isfinite(qpos).all()))
+        if i and times[i - 1] < FAR_END <= times[i] and not _arrived(joint, data.qpos):
+            return _cut_short(i + 1, times, targets, qpos, data)
+    return _cut_short(count, times, targets, qpos, data)
+
+
+def _arrived(joint: DrivenJoint, qpos: F64) -> bool:
+    way = (HIGH - LOW) * joint.span
+    return bool(qpos[joint.qpos] - joint.low - LOW * joint.span >= REACH * way)
+
+
+def _cut_short(count: int, times: F64, targets: F64, qpos: F64, data: mujoco.MjData) -> Drive:
+    """Return the trace so far: a joint that is stuck is not asked to come back."""
+    held = np.concatenate([[False], np.abs(np.diff(targets[:count])) < 1e-12])
+    trace, fine = qpos[:count], bool(np.isfinite(qpos[:count]).all())
+    return Drive(times[:count], targets[:count], trace, held, warnings_of(data), fine)
 
 
 def start(subject: Subject, joint: DrivenJoint, share: float) -> mujoco.MjData:
@@ -128,12 +142,12 @@ def _judge(subject: Subject, joint: DrivenJoint, trace: Drive) -> list[CheckResu
 
 
 def _reach(joint: DrivenJoint, trace: Drive, q: F64) -> CheckResult:
-    middle = SETTLE + TRAVEL + HOLD
     way = (HIGH - LOW) * joint.span
     first = joint.low + LOW * joint.span
-    top = q[trace.time <= middle][-1]  # where it rests at the far end
-    up, down = (top - first) / way, (top - q[-1]) / way
-    share = float(min(up, down))
+    top = q[trace.time <= FAR_END][-1]  # where it rests at the far end
+    there = (top - first) / way
+    back = (top - q[-1]) / way if trace.time[-1] > FAR_END + CONTROL else there
+    share = float(min(there, back))
     detail = f"rests at {top:.4g} and {q[-1]:.4g} of {joint.low:.4g}..{joint.high:.4g} {joint.unit}"
     status = passed(share >= REACH)
     return CheckResult("reach", joint.name, status, share, REACH, "of the way", detail)
@@ -163,6 +177,6 @@ def _still(subject: Subject, driven: DrivenJoint, trace: Drive) -> list[CheckRes
 
 def _rested(trace: Drive) -> NDArray[np.bool_]:
     """Return which samples lie in the second half of a hold."""
-    ends = (SETTLE + TRAVEL + HOLD, SETTLE + 2 * (TRAVEL + HOLD))
+    ends = (FAR_END, FAR_END + TRAVEL + HOLD)
     near = [(trace.time <= end) & (trace.time > end - HOLD / 2) for end in ends]
     return near[0] | near[1]

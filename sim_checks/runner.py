@@ -151,7 +151,8 @@ def _run(
     if "overlap" in wanted:
         found, curves = check_interpenetration(subject, steps, poses)
         rows += found
-    rows += check_stability(subject) if "stability" in wanted else []
+    stuck = {r.subject for r in rows if r.name == "reach" and r.status == "fail"}
+    rows += check_stability(subject, stuck) if "stability" in wanted else []
     left_out = [g for g in GROUPS if g not in wanted and g != "compile"]
     notes = (*subject.notes, *((f"not run: {', '.join(left_out)}",) if left_out else ()))
     return CheckReport(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass
 
 import numpy as np
@@ -30,12 +31,21 @@ class End:
     warnings: tuple[str, ...]
 
 
-def check_stability(subject: Subject) -> list[CheckResult]:
-    """Return one row per joint and per variation of step and gain, plus hold and energy rows."""
+def check_stability(subject: Subject, stuck: Collection[str] = ()) -> list[CheckResult]:
+    """Return one row per joint and per variation of step and gain, plus hold and energy rows.
+
+    Args:
+        subject: the model under test.
+        stuck: joints that cannot travel; where a jam rests says nothing about the step.
+    """
     rows: list[CheckResult] = []
     for joint in subject.joints:
         if joint.servo < 0 or not joint.span > 0:
             continue  # the actuation rows already say so
+        if joint.name in stuck:
+            why = "not run: the joint does not travel"
+            rows.append(CheckResult("time step", joint.name, "skipped", detail=why))
+            continue
         if (MOVE + REST) * HALVINGS[-1] / subject.model.opt.timestep > MAX_STEPS:
             why = f"time step {subject.model.opt.timestep:.2g} s is too small to halve twice"
             rows.append(CheckResult("time step", joint.name, "incomplete", detail=why))
