@@ -27,7 +27,11 @@ TRIM = 0.25  # share of the views left out per point: an inner wall may hide it 
 
 
 def find_lids(spread: F32) -> NDArray[np.bool_]:
-    """Return which hull points contradict themselves, from their colour spread [N] (NaN = unseen)."""
+    """Return which hull points contradict themselves.
+
+    Args:
+        spread: [N] colour spread of each point over its views, NaN = unseen.
+    """
     limit = max(TOLERANCE, NOISE_FACTOR * float(np.nanmedian(np.append(spread, 0.0))))
     return np.nan_to_num(spread, nan=0.0) > limit
 

@@ -144,8 +144,9 @@ def _consistent(lo: F64, hi: F64, cams: F64, dist: F32, used: NDArray[np.bool_],
     if used.sum() < 8:  # too few views to outvote one
         return used
     side = np.linspace(0, 1, 40)
-    points = lo + np.stack(np.meshgrid(side, side, side, indexing="ij"), -1).reshape(-1, 3) * (hi - lo)
-    inside, seen = np.zeros((len(cams), len(points)), bool), np.zeros((len(cams), len(points)), bool)
+    unit = np.stack(np.meshgrid(side, side, side, indexing="ij"), -1).reshape(-1, 3)
+    points = lo + unit * (hi - lo)
+    inside, seen = (np.zeros((len(cams), len(points)), bool) for _ in range(2))
     _vote(points, cams, dist, inside, seen)
     outside = (seen & ~inside)[used].sum(0)
     core = (outside <= max(1, used.sum() // 10)) & (seen[used].sum(0) >= MIN_SEEN)

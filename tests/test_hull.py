@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -80,7 +82,7 @@ def test_bounds_enclose_the_object_closely(sphere: StateViews) -> None:
 
 
 def test_given_bounds_are_used(sphere: StateViews) -> None:
-    lo, hi = CENTRE - 0.6, CENTRE + [0.0, 0.6, 0.6]
+    lo, hi = CENTRE - 0.6, CENTRE + np.array([0.0, 0.6, 0.6])
     hull = carve(sphere, (lo, hi), resolution=40)
     np.testing.assert_allclose(hull.lo, lo + hull.voxel / 2)
     assert hull.values.shape == (20, 40, 40)
@@ -93,9 +95,7 @@ def test_one_broken_mask_changes_nothing(sphere: StateViews, fill: int) -> None:
     clean = carve(sphere, resolution=48)
     alphas = sphere.alphas.copy()
     alphas[[5, 17]] = fill
-    broken = StateViews(sphere.images, alphas, sphere.Ks, sphere.viewmats, None, sphere.names,
-                        sphere.held_out)
-    hull = carve(broken, resolution=48)
+    hull = carve(replace(sphere, alphas=alphas), resolution=48)
     ratio = (hull.occupancy.sum() * hull.voxel**3) / (clean.occupancy.sum() * clean.voxel**3)
     assert ratio == pytest.approx(1.0, abs=0.03)
 
@@ -103,16 +103,13 @@ def test_one_broken_mask_changes_nothing(sphere: StateViews, fill: int) -> None:
 def test_a_mask_of_something_else_is_left_out(sphere: StateViews) -> None:
     alphas = sphere.alphas.copy()
     alphas[7] = np.roll(alphas[7], 60, axis=1)
-    moved = StateViews(sphere.images, alphas, sphere.Ks, sphere.viewmats, None, sphere.names,
-                       sphere.held_out)
-    hull = carve(moved, resolution=48)
+    hull = carve(replace(sphere, alphas=alphas), resolution=48)
     assert not hull.views_used[7]
     assert hull.views_used.sum() == len(sphere) - 1
 
 
 def test_empty_masks_are_named(sphere: StateViews) -> None:
-    empty = StateViews(sphere.images, np.zeros_like(sphere.alphas), sphere.Ks, sphere.viewmats, None,
-                       sphere.names, sphere.held_out)
+    empty = replace(sphere, alphas=np.zeros_like(sphere.alphas))
     with pytest.raises(FitError, match="0 of 32 masks show the object"):
         carve(empty)
 
