@@ -41,13 +41,13 @@ class ReadConfig:
 class FitConfig:
     """Gaussians of each state."""
 
-    steps: int = 900
+    steps: int = 800
     """optimiser steps per state, one view each"""
     half_steps: int = 300
     """first of these steps, at half the image resolution"""
     start_gaussians: int = 14_000
     """Gaussians on the visual hull at the start"""
-    max_gaussians: int = 30_000
+    max_gaussians: int = 24_000
     """most Gaussians per state"""
     hull_resolution: int = 192
     """voxels along the longest side of the visual hull"""
