@@ -7,7 +7,7 @@ import re
 import sys
 import time
 from collections.abc import Callable
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TypeVar
 
@@ -156,12 +156,25 @@ class _Corridor:
         def compute() -> Motion:
             from part2gs_robotics.articulate import articulate
 
-            return articulate(self.scene, gaussians, settings, Progress("articulate"))
+            note = self._canonical(gaussians, settings.paper_mode)
+            found = articulate(self.scene, gaussians, settings, Progress("articulate"))
+            return replace(found, notes=(note, *found.notes))
 
         motion = self._stage("03_articulate", key, compute, save_motion, load_motion,
                              lambda m: f"{len(m.joints)} moving parts: "
                                        + ", ".join(joint.kind for joint in m.joints))
         return motion, key
+
+    def _canonical(self, gaussians: tuple[Gaussians, Gaussians], paper_mode: bool) -> str:
+        """Return what the canonical room says about the states."""
+        from part2gs_robotics.canonical import canonical_field
+
+        began = time.monotonic()
+        field = canonical_field(*gaussians, paper_mode=paper_mode)
+        number = (f"state {field.reference_state} richer in motion, weight of state 0 "
+                  f"{field.richness_weight:.2f}")
+        self._done("canonical", time.monotonic() - began, number)
+        return f"Canonical field: {number}."
 
     def _mesh(self, gaussians: tuple[Gaussians, Gaussians], motion: Motion,
               key: str) -> tuple[Part, ...]:
