@@ -42,7 +42,7 @@ def read_scene(path: Path, config: ReadConfig) -> Scene:
     notes = _notes(posed, states, config)
     for index, state in enumerate(states):
         validate.check_masks(state, f"{path}: state {index}")
-    validate.check_frames(states, str(path))
+    notes += validate.check_frames(states, str(path))
     up = None if config.up is None else np.array(config.up) / np.linalg.norm(config.up)
     return Scene(path, layout, states, config.meters_per_unit, up, notes)
 

@@ -22,6 +22,7 @@ BOX_GRID = 24  # cells per axis while the box is looked for
 MASK_SIDE = 160  # masks are shrunk to this: one of its pixels is below one cell of the grid
 UNEXPLAINED = 0.35  # share of a mask its own hull may miss; 0.00 measured with right cameras
 MIN_HULL_IOU = 0.15  # true pairs measured: 0.42 to 0.79; shifted by 0.3: 0.13 to 0.21
+DOUBTFUL_SURFACE = 0.40  # states turned by 30 to 90 degrees measured 0.13 to 0.46
 MIN_SAME_SURFACE = 0.20  # true pairs measured: 0.49 to 0.73; shifted by 0.3: 0.07 to 0.15
 
 F64 = NDArray[np.float64]
@@ -73,11 +74,11 @@ def check_masks(state: StateViews, where: str) -> None:
                              f"{hint}.")
 
 
-def check_frames(states: tuple[StateViews, StateViews], where: str) -> None:
+def check_frames(states: tuple[StateViews, StateViews], where: str) -> tuple[str, ...]:
     """Refuse cameras that contradict the masks, or two states in different world frames.
 
     Both hulls are carved on one grid. The static base is in both of them, so they overlap and
-    a share of their surfaces coincides.
+    a share of their surfaces coincides. Returns a note when that share is small.
     """
     outlines = [silhouettes(state) for state in states]
     boxes = [object_box(outline, f"{where}: state {index}")
@@ -101,6 +102,10 @@ def check_frames(states: tuple[StateViews, StateViews], where: str) -> None:
             f"{iou:.0%}, {same:.0%} of the surface coincides). Expected a static base at one "
             f"place in both states, overlap above {MIN_HULL_IOU:.0%} and {MIN_SAME_SURFACE:.0%}; "
             "register all photos of both states in one COLMAP run.")
+    if same < DOUBTFUL_SURFACE:
+        return (f"Only {same:.0%} of the surface stands still between the states; if parts or "
+                "joints come out wrong, check that both states are in one frame.",)
+    return ()
 
 
 def hull_agreement(a: Bools, b: Bools) -> tuple[float, float]:

@@ -56,6 +56,14 @@ def test_states_shifted_apart_are_found(states: States, direction: int) -> None:
         validate.check_frames((states[0], moved(states[1], shift)), "scene")
 
 
+def test_states_that_share_little_surface_are_doubted(states: States) -> None:
+    assert validate.check_frames(states, "scene") == ()
+    shift = np.eye(4)
+    shift[2, 3] = 0.17  # a tenth of the width
+    (note,) = validate.check_frames((states[0], moved(states[1], shift)), "scene")
+    assert "one frame" in note
+
+
 def test_one_state_of_another_scale_is_found(states: States) -> None:
     with pytest.raises(SceneError, match="not in one frame"):
         validate.check_frames((states[0], moved(states[1], np.eye(4), 2.0)), "scene")
