@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-import numba as nb
 import numpy as np
 from numpy.typing import NDArray
 
+from part2gs_robotics.render_jit import kernel
+
 F32 = NDArray[np.float32]
+Floats = NDArray[np.floating]
 
 # 3DGS: a tiny epsilon, because the gradients of means are far below 1e-8 in small scenes.
 EPS = 1e-15
@@ -46,8 +48,8 @@ class Adam:
                 self.first[name] = np.zeros_like(value)
                 self.second[name] = np.zeros_like(value)
             _update(value.reshape(-1), grad.reshape(-1), self.first[name].reshape(-1),
-                    self.second[name].reshape(-1), value.dtype.type(self.rates[name] / fix1),
-                    value.dtype.type(1 / np.sqrt(fix2)))
+                    self.second[name].reshape(-1), self.rates[name] / fix1,
+                    1 / fix2**0.5)
 
     def select(self, index: NDArray[np.bool_] | NDArray[np.int64]) -> None:
         """Keep the moments of the rows picked by a mask or by indices."""
@@ -63,8 +65,9 @@ class Adam:
                 moments[name] = np.concatenate([value, rows])
 
 
-@nb.njit(cache=True, error_model="numpy")
-def _update(value, grad, first, second, rate, root):  # type: ignore[no-untyped-def]
+@kernel
+def _update(value: Floats, grad: Floats, first: Floats, second: Floats, rate: float,
+            root: float) -> None:
     for i in range(value.size):
         g = grad[i]
         m = first[i] + (1 - BETA1) * (g - first[i])

@@ -96,11 +96,12 @@ def fit_state(state: StateViews, init: Hull | Gaussians | None = None,
     """
     config = config or FitConfig()
     start = time.perf_counter()
-    hull = carve(state, resolution=config.hull_resolution) if init is None else init
-    if isinstance(hull, Hull):
-        first = hull_gaussians(hull, state, config.start_gaussians, config.seed)
+    hull: Hull | None = None
+    if isinstance(init, Gaussians):
+        first = init
     else:
-        first, hull = hull, None
+        hull = init or carve(state, resolution=config.hull_resolution)
+        first = hull_gaussians(hull, state, config.start_gaussians, config.seed)
     run = _Run(state, first, hull, config, name)
     curve = [(time.perf_counter() - start, run.held_out_psnr(), len(first))]
     marks = {round(config.steps * k / 8) for k in range(1, 9)}  # eight points make a curve
@@ -113,7 +114,7 @@ def fit_state(state: StateViews, init: Hull | Gaussians | None = None,
     return FitResult(run.gaussians(), hull, curve)
 
 
-WHITE = np.ones(3, np.float32)  # held-out views are measured over white, as in NeRF's synthetic sets
+WHITE = np.ones(3, np.float32)  # held-out views are measured over white, as in NeRF
 # Per step, means in hull diagonals. Colours and opacities run 2 to 8 times faster than in 3DGS,
 # because a fit has hundreds of steps; turns and sizes stay slow, so that discs keep to the hull
 # (swept here: quats 5e-3 -> 1e-3 and log_scales 2e-2 -> 1e-2 cut the median depth error by 26 %).

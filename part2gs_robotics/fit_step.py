@@ -46,7 +46,8 @@ class Views:
         ratio = np.array([small[0] / state.width, small[1] / state.height, 1.0])
         self.levels.append((images, alphas, state.Ks * ratio[:, None]))
 
-    def target(self, view: int, level: int, background: F32) -> tuple[F32, F32, NDArray[np.float64]]:
+    def target(self, view: int, level: int, background: F32,
+               ) -> tuple[F32, F32, NDArray[np.float64]]:
         """Return (image over the background [H, W, 3], alpha [H, W], K) of a view."""
         images, alphas, intrinsics = self.levels[level]
         alpha = alphas[view].astype(np.float32) / np.float32(255)
@@ -86,7 +87,8 @@ def opacity_term(logits: F32, weight: float) -> tuple[float, F32]:
     """Return weight * mean o (1 - o) and its gradient by the logits."""
     o = 1 / (1 + np.exp(-logits))
     spread = o * (1 - o)
-    return weight * float(spread.mean()), np.float32(weight / len(o)) * spread * (1 - 2 * o)
+    grad = weight / len(o) * spread * (1 - 2 * o)
+    return weight * float(spread.mean()), np.asarray(grad, logits.dtype)
 
 
 def alpha_term(alpha: F32, target: F32, weight: float) -> tuple[float, F32]:
@@ -123,7 +125,7 @@ def require_finite(values: dict[str, float | F32], name: str, step: int) -> None
 
 def image_terms(rendered: Rendered, target: F32, alpha: F32, alpha_weight: float,
                 ) -> tuple[dict[str, float], F32, F32]:
-    """Return named losses and gradients by colour and alpha, on the box where either is not empty."""
+    """Return named losses and their gradients by colour and alpha, on the busy box only."""
     box = _busy_box(rendered.alpha, alpha)
     share = np.float32((box[0].stop - box[0].start) * (box[1].stop - box[1].start) / alpha.size)
     d_color, d_alpha = np.zeros_like(target), np.zeros_like(alpha)

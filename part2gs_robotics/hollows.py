@@ -13,9 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from part2gs_robotics.hull import Hull
+from part2gs_robotics.render_jit import kernel, parallel_kernel
 from part2gs_robotics.scene import StateViews
 
 F32 = NDArray[np.float32]
+Floats = NDArray[np.floating]
 F64 = NDArray[np.float64]
 
 TOLERANCE = 2.0 / 255  # grey levels: rounding and mild shading
@@ -81,8 +83,9 @@ def _lid_voxels(hull: Hull, surface: F64, lids: NDArray[np.bool_]) -> NDArray[np
     return np.asarray(uniform_filter(votes, 7) > 1e-6)
 
 
-@nb.njit(cache=True, error_model="numpy")
-def _leaves_by_lid(inside, lid, i, j, k, dx, dy, dz):  # type: ignore[no-untyped-def]
+@kernel
+def _leaves_by_lid(inside: NDArray[np.bool_], lid: NDArray[np.bool_], i: int, j: int, k: int,
+                   dx: float, dy: float, dz: float) -> bool:
     """March in voxel units to where the hull ends for good; True when that is a lid."""
     nx, ny, nz = inside.shape
     last = False
@@ -97,9 +100,10 @@ def _leaves_by_lid(inside, lid, i, j, k, dx, dy, dz):  # type: ignore[no-untyped
         t += 0.8
 
 
-@nb.njit(cache=True, parallel=True, error_model="numpy")
-def _through(inside, lid, lo, voxel, points, cams, eyes, images, alphas,  # type: ignore[no-untyped-def]
-             colors, spread):
+@parallel_kernel
+def _through(inside: NDArray[np.bool_], lid: NDArray[np.bool_], lo: Floats, voxel: float,
+             points: Floats, cams: Floats, eyes: Floats, images: NDArray[np.uint8],
+             alphas: NDArray[np.uint8], colors: Floats, spread: Floats) -> None:
     views, height, width = alphas.shape
     for n in nb.prange(len(points)):
         found = np.zeros((views, 3), np.float32)

@@ -10,9 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from part2gs_robotics.errors import FitError
+from part2gs_robotics.render_jit import kernel, parallel_kernel
 from part2gs_robotics.scene import StateViews
 
 F32 = NDArray[np.float32]
+Floats = NDArray[np.floating]
 F64 = NDArray[np.float64]
 
 BLOCK = 4  # fine voxels per coarse block and axis: 48^3 blocks decide most of a 192^3 grid
@@ -60,7 +62,7 @@ class Hull:
         """Return [N] trilinear signed distances at [N, 3] world points; outside the grid -BAND."""
         out = np.zeros(len(points), np.float32)
         _sample(self.values, (np.asarray(points, float) - self.lo) / self.voxel,
-                np.float32(-BAND * self.voxel), out)
+                -BAND * self.voxel, out)
         return out
 
 
@@ -84,7 +86,7 @@ def carve(state: StateViews, bounds: tuple[F64, F64] | None = None, resolution: 
     masks = (state.alphas >= 128).astype(np.uint8)
     cams = np.concatenate([state.Ks @ state.viewmats[:, :3]], axis=0)  # [V, 3, 4] projections
     dist = np.stack([_signed_distance(a) for a in state.alphas])
-    used = masks.any((1, 2))
+    used = np.array([mask.any() for mask in masks])
     if used.sum() < MIN_SEEN:
         raise FitError(f"{int(used.sum())} of {len(masks)} masks show the object. Needed at least "
                        f"{MIN_SEEN} views with alpha; check the alpha channel or masks/ folder.")
@@ -178,8 +180,9 @@ def _grid(lo: F64, hi: F64, voxel: float, cams: F64, dist: F32, votes: int) -> F
     return values
 
 
-@nb.njit(cache=True, parallel=True, error_model="numpy")
-def _vote(points, cams, dist, inside, seen):  # type: ignore[no-untyped-def]
+@parallel_kernel
+def _vote(points: Floats, cams: Floats, dist: Floats, inside: NDArray[np.bool_],
+          seen: NDArray[np.bool_]) -> None:
     for v in nb.prange(len(cams)):
         for i in range(len(points)):
             d, _ = _look(cams[v], dist[v], points[i, 0], points[i, 1], points[i, 2])
@@ -187,8 +190,8 @@ def _vote(points, cams, dist, inside, seen):  # type: ignore[no-untyped-def]
             inside[v, i] = d > 0.0
 
 
-@nb.njit(cache=True, inline="always", error_model="numpy")
-def _look(cam, dist, x, y, z):  # type: ignore[no-untyped-def]
+@kernel
+def _look(cam: Floats, dist: Floats, x: float, y: float, z: float) -> tuple[float, float]:
     """Return (signed pixel distance, -1e6 unseen; z-depth) of a point in one view."""
     w = cam[2, 0] * x + cam[2, 1] * y + cam[2, 2] * z + cam[2, 3]
     if w <= 1e-9:
@@ -207,8 +210,9 @@ def _look(cam, dist, x, y, z):  # type: ignore[no-untyped-def]
     return top * (1 - fv) + low * fv, w
 
 
-@nb.njit(cache=True, inline="always", error_model="numpy")
-def _hull_distance(cams, dist, focal, x, y, z, votes, floor, low):  # type: ignore[no-untyped-def]
+@kernel
+def _hull_distance(cams: Floats, dist: Floats, focal: Floats, x: float, y: float, z: float,
+                   votes: int, floor: float, low: Floats) -> float:
     """Return the votes-th smallest signed distance over the seeing views; any value < floor."""
     low[:] = 1e6
     seen = 0
@@ -231,15 +235,16 @@ def _hull_distance(cams, dist, focal, x, y, z, votes, floor, low):  # type: igno
     return low[min(votes - 1, seen // FORGIVE_EVERY)]
 
 
-@nb.njit(cache=True, parallel=True, error_model="numpy")
-def _carve_blocks(values, first, voxel, cams, dist, votes):  # type: ignore[no-untyped-def]
+@parallel_kernel
+def _carve_blocks(values: Floats, first: Floats, voxel: float, cams: Floats, dist: Floats,
+                  votes: int) -> None:
     nx, ny, nz = values.shape
     bx, by, bz = (nx + BLOCK - 1) // BLOCK, (ny + BLOCK - 1) // BLOCK, (nz + BLOCK - 1) // BLOCK
     focal = np.zeros(len(cams))
     for v in range(len(cams)):  # |row 0| of K [R|t] mixes f and cx; f = its part across row 2
         a, c = cams[v, 0, :3], cams[v, 2, :3]
         focal[v] = np.sqrt(max((a * a).sum() - (a * c).sum() ** 2, 1e-12))
-    band = np.float32(BAND * voxel)
+    band = BAND * voxel
     reach = 0.5 * np.sqrt(3.0) * BLOCK * voxel + band
     for b in nb.prange(bx * by * bz):
         low = np.zeros(votes)
@@ -263,8 +268,8 @@ def _carve_blocks(values, first, voxel, cams, dist, votes):  # type: ignore[no-u
                         values[i, j, k] = min(max(e, -band), band)
 
 
-@nb.njit(cache=True, error_model="numpy")
-def _sample(values, grid, outside, out):  # type: ignore[no-untyped-def]
+@kernel
+def _sample(values: Floats, grid: Floats, outside: float, out: Floats) -> None:
     nx, ny, nz = values.shape
     for n in range(len(grid)):
         x, y, z = grid[n, 0], grid[n, 1], grid[n, 2]

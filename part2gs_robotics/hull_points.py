@@ -7,9 +7,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from part2gs_robotics.hull import Hull
+from part2gs_robotics.render_jit import kernel, parallel_kernel
 from part2gs_robotics.scene import StateViews
 
 F32 = NDArray[np.float32]
+Floats = NDArray[np.floating]
 F64 = NDArray[np.float64]
 
 FACING = 0.2  # cosine: a surface seen flatter than ~78 degrees gives smeared colours
@@ -78,8 +80,9 @@ def point_colors(hull: Hull, state: StateViews, points: F64, normals: F64,
     return colors, spread
 
 
-@nb.njit(cache=True, error_model="numpy")
-def _blocked(values, lo, voxel, x, y, z, dx, dy, dz):  # type: ignore[no-untyped-def]
+@kernel
+def _blocked(values: Floats, lo: Floats, voxel: float, x: float, y: float, z: float, dx: float,
+             dy: float, dz: float) -> bool:
     """March from a point along a unit direction; True when the hull is met again."""
     nx, ny, nz = values.shape
     t = CLEAR * voxel
@@ -95,9 +98,10 @@ def _blocked(values, lo, voxel, x, y, z, dx, dy, dz):  # type: ignore[no-untyped
         t += max(-d, 0.7 * voxel)
 
 
-@nb.njit(cache=True, parallel=True, error_model="numpy")
-def _colors(values, lo, voxel, points, normals, cams, eyes, images, alphas,  # type: ignore[no-untyped-def]
-            colors, spread):
+@parallel_kernel
+def _colors(values: Floats, lo: Floats, voxel: float, points: Floats, normals: Floats,
+            cams: Floats, eyes: Floats, images: NDArray[np.uint8], alphas: NDArray[np.uint8],
+            colors: Floats, spread: Floats) -> None:
     views, height, width = alphas.shape
     for n in nb.prange(len(points)):
         found = np.zeros((views, 3), np.float32)
@@ -111,9 +115,11 @@ def _colors(values, lo, voxel, points, normals, cams, eyes, images, alphas,  # t
                 continue
             c = cams[v]
             w = c[2, 0] * x + c[2, 1] * y + c[2, 2] * z + c[2, 3]
+            if w <= 0:
+                continue
             col = int(np.floor((c[0, 0] * x + c[0, 1] * y + c[0, 2] * z + c[0, 3]) / w))
             row = int(np.floor((c[1, 0] * x + c[1, 1] * y + c[1, 2] * z + c[1, 3]) / w))
-            if w <= 0 or col < 0 or row < 0 or col >= width or row >= height:
+            if col < 0 or row < 0 or col >= width or row >= height:
                 continue
             if alphas[v, row, col] < 128 or _blocked(values, lo, voxel, x, y, z, dx, dy, dz):
                 continue

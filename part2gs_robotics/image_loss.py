@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import cv2
-import numba as nb
 import numpy as np
 from numpy.typing import NDArray
+
+from part2gs_robotics.render_jit import kernel
+
+Floats = NDArray[np.floating]
 
 WINDOW, SIGMA = 11, 1.5  # Wang et al. 2004, as in 3DGS
 C1, C2 = 0.01**2, 0.03**2  # for a colour range of 1
@@ -59,8 +62,9 @@ def _blur(image: NDArray[np.floating]) -> NDArray[np.floating]:
     return np.asarray(out).reshape(image.shape)
 
 
-@nb.njit(cache=True, error_model="numpy")
-def _ssim(mx, my, xx, yy, xy, by_mean, by_xx, by_xy):  # type: ignore[no-untyped-def]
+@kernel
+def _ssim(mx: Floats, my: Floats, xx: Floats, yy: Floats, xy: Floats, by_mean: Floats,
+          by_xx: Floats, by_xy: Floats) -> float:
     """Return the sum of SSIM and fill its derivatives by the blurred x, x^2 and x y."""
     total = 0.0
     for i in range(mx.size):
@@ -75,8 +79,9 @@ def _ssim(mx, my, xx, yy, xy, by_mean, by_xx, by_xy):  # type: ignore[no-untyped
     return total
 
 
-@nb.njit(cache=True, error_model="numpy")
-def _combine(image, target, by_mean, by_xx, by_xy, w_l1, w_ssim, grad):  # type: ignore[no-untyped-def]
+@kernel
+def _combine(image: Floats, target: Floats, by_mean: Floats, by_xx: Floats, by_xy: Floats,
+             w_l1: float, w_ssim: float, grad: Floats) -> float:
     total = 0.0
     for i in range(image.size):
         d = image[i] - target[i]
