@@ -92,7 +92,7 @@ def _check(call: Call) -> int:
 
     config: Config = resolve(call.flags)
     with logging_to(None, config.output.quiet, config.output.verbose):
-        report = check(Path(call.paths[0]))
+        report = check(Path(call.paths[0]), steps=config.check.sweep_values)
     sys.stdout.write(format_text(report).rstrip() + "\n")
     return report.exit_code
 
