@@ -55,6 +55,15 @@ class FitConfig:
     """Order of views, backgrounds, start points."""
 
 
+PRESETS = {
+    "draft": FitConfig(steps=400, half_steps=250, start_gaussians=9_000, max_gaussians=14_000,
+                       hull_resolution=128),
+    "standard": FitConfig(),
+    "high": FitConfig(steps=3000, half_steps=600, start_gaussians=25_000, max_gaussians=80_000,
+                      hull_resolution=256),
+}
+
+
 @dataclass(frozen=True)
 class FitResult:
     """Gaussians of one state and how the fit went.
