@@ -18,6 +18,7 @@ F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
 
 MOST_POSES = 160  # poses per sweep; more would step less than half a voxel at 192 voxels
+OUTSIDE = -1.5  # voxels: no surface passes beside a voxel that far outside
 FEWEST_POSES = 21  # the simulator checks measure interpenetration at 21 joint values
 
 
@@ -115,7 +116,8 @@ def _pose_count(relative, corners: F64, step: float) -> int:  # type: ignore[no-
     return int(np.clip(np.ceil(longest / step) + 1, FEWEST_POSES, MOST_POSES))
 
 
-def carve(solid: Solid, rival: Solid, rival_from_solid: F64, clearance: float) -> Solid:
+def carve(solid: Solid, rival: Solid, rival_from_solid: F64, clearance: float,
+          support: tuple[F32, F32] | None = None) -> Solid:
     """Return the solid without what the rival covers in any of the poses.
 
     Args:
@@ -123,16 +125,23 @@ def carve(solid: Solid, rival: Solid, rival_from_solid: F64, clearance: float) -
         rival: what moves.
         rival_from_solid: [P, 4, 4].
         clearance: gap to leave, voxels.
+        support: how well each voxel of the solid and of the rival is observed; the solid then
+            yields only where the rival is observed better.
     """
+    none = np.zeros((0, 0, 0), np.float32)
+    mine, theirs = support if support is not None else (none, none)
     values = solid.values.copy()
-    to_index = np.eye(4)
-    to_index[:3] /= rival.grid.voxel
-    to_index[:3, 3] = -rival.grid.lo / rival.grid.voxel
-    from_index = np.eye(4) * solid.grid.voxel
-    from_index[:, 3] = (*solid.grid.lo, 1.0)
-    _carve(values, rival.values, np.ascontiguousarray(to_index @ rival_from_solid @ from_index),
-           np.float32(clearance))
+    _carve(values, rival.values, index_move(rival.grid, rival_from_solid, solid.grid),
+           np.float32(clearance), mine, theirs)
     return replace(solid, values=values)
+
+
+def index_move(to: Grid, to_from_grid: F64, grid: Grid) -> F64:
+    """Return [P, 4, 4] moves [P, 4, 4] as maps from voxel indices to voxel indices."""
+    index_from_world, world_from_index = np.eye(4) / to.voxel, np.eye(4) * grid.voxel
+    index_from_world[:, 3] = (*(-to.lo / to.voxel), 1.0)
+    world_from_index[:, 3] = (*grid.lo, 1.0)
+    return np.ascontiguousarray(index_from_world @ to_from_grid @ world_from_index)
 
 
 @kernel
@@ -149,20 +158,24 @@ def _sample(values, x, y, z):  # type: ignore[no-untyped-def]
 
 
 @parallel_kernel
-def _carve(values, rival, moves, clearance):  # type: ignore[no-untyped-def]
+def _carve(values, rival, moves, clearance, support, rival_support):  # type: ignore[no-untyped-def]
     nx, ny, nz = values.shape
     hx, hy, hz = rival.shape[0] - 1, rival.shape[1] - 1, rival.shape[2] - 1
+    judged = support.size > 0
     for x in numba.prange(nx):
         for y in range(ny):
             for z in range(nz):
                 value = values[x, y, z]
                 for p in range(len(moves)):
-                    if value <= -TRUNCATION:
+                    if value <= OUTSIDE:
                         break
                     m = moves[p]
                     u = m[0, 0] * x + m[0, 1] * y + m[0, 2] * z + m[0, 3]
                     v = m[1, 0] * x + m[1, 1] * y + m[1, 2] * z + m[1, 3]
                     w = m[2, 0] * x + m[2, 1] * y + m[2, 2] * z + m[2, 3]
-                    if u >= 0.0 and v >= 0.0 and w >= 0.0 and u <= hx and v <= hy and w <= hz:
-                        value = min(value, -_sample(rival, u, v, w) - clearance)
+                    if not (u >= 0.0 and v >= 0.0 and w >= 0.0 and u <= hx and v <= hy and w <= hz):
+                        continue
+                    if judged and _sample(rival_support, u, v, w) <= support[x, y, z]:
+                        continue
+                    value = min(value, -_sample(rival, u, v, w) - clearance)
                 values[x, y, z] = max(value, np.float32(-TRUNCATION))

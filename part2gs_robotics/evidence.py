@@ -78,8 +78,10 @@ def _vote(depth, row, col, near, far):  # type: ignore[no-untyped-def]
     """
     a, b = depth[row, col], depth[row, col + 1]
     c, d = depth[row + 1, col], depth[row + 1, col + 1]
+    if a == np.inf and b == np.inf and c == np.inf and d == np.inf:
+        return 3
     if a > far and b > far and c > far and d > far:
-        return 3 if min(min(a, b), min(c, d)) == np.inf else 0
+        return 0
     if a < near and b < near and c < near and d < near:
         return 2
     if (near <= a <= far) or (near <= b <= far) or (near <= c <= far) or (near <= d <= far):

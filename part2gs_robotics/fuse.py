@@ -22,7 +22,8 @@ F64 = NDArray[np.float64]
 
 BLOCK = 4  # voxels per block and axis that one look into a coarse map may decide for one view
 TRUNCATION = 3.0  # voxels: wider eats thin walls, narrower loses the noise of rendered depth
-FAR = 2.0  # truncations of depth difference beyond which no plane distance is asked for
+FAR = 1.34  # truncations of depth difference beyond which no plane distance is asked for
+FEW_VIEWS = np.float32(3)  # fewer may all look from one side: no share is known then
 SURE = 12  # views that see a whole block free, with room to spare, end the discussion
 GRAZING = 0.15  # cosine, 81 degrees: beyond, one pixel of error moves the surface by 7 pixels
 
@@ -76,8 +77,9 @@ class Fused:
         weight: weight of that mean; 0 = no view sees this part's surface or free space here.
         own: weight of views that see this part's surface within the truncation.
         other: the same for other parts' surfaces that this point lies behind.
-        hidden_own: views in which this part hides the point, deeper than the truncation.
-        hidden_other: views in which another part hides it.
+        hidden: views in which any part hides the point, deeper than the truncation.
+        enclosed: of the views that cannot see the point, the share that this part's own surface
+            stops; the larger one of the two states.
     """
 
     grid: Grid
@@ -85,8 +87,8 @@ class Fused:
     weight: F32
     own: F32
     other: F32
-    hidden_own: F32
-    hidden_other: F32
+    hidden: F32
+    enclosed: F32
 
 
 def fuse(grid: Grid, part: int, states: Sequence[tuple[PartMaps, F64]],
@@ -99,16 +101,34 @@ def fuse(grid: Grid, part: int, states: Sequence[tuple[PartMaps, F64]],
         states: per state, its maps and the [4, 4] world_at_state_from_world_at_0 of the part.
         truncation: scene units.
     """
-    sums = np.zeros((6, *grid.shape), np.float32)
+    sums = np.zeros((7, *grid.shape), np.float32)
+    hidden, enclosed = np.zeros_like(sums[0]), np.zeros_like(sums[0])
     for maps, world_from_grid in states:
         projections = maps.maps.projections @ world_from_grid
         radius = _block_radius(grid, projections)
         nearest, farthest = _windows(maps.maps.coded_depths, radius)
+        sums[4:6] = 0
         _fuse(grid.lo, grid.voxel, projections, maps.maps.coded_depths, maps.labels, maps.facing,
               nearest, farthest, part, np.float32(truncation), sums)
-    weight = sums[1]
-    distance = np.divide(-sums[0], weight, out=np.zeros_like(weight), where=weight > 0)
-    return Fused(grid, distance, weight, sums[2], sums[3], sums[4], sums[5])
+        blocked = sums[4] + sums[5]
+        enclosed = np.maximum(enclosed, sums[4] / np.maximum(blocked, FEW_VIEWS))
+        hidden += blocked
+    distance, weight = _mean_distance(sums[0], sums[1], sums[6], truncation, grid.voxel)
+    return Fused(grid, distance, weight, sums[2], sums[3], hidden, enclosed)
+
+
+def _mean_distance(total: F32, near: F32, free: F32, truncation: float,
+                   voxel: float) -> tuple[F32, F32]:
+    """Return the mean signed distance, positive inside, and its weight.
+
+    A view that looks far past a point knows its sign, not its distance: counted with the
+    truncation, such views would pull every surface inwards by a third of a voxel.
+    """
+    weight = near + free
+    mean = np.divide(total, near, out=np.full_like(near, truncation), where=near > 0)
+    ahead = np.maximum(mean, np.float32(0.25 * voxel))  # a quarter voxel: free, but close by
+    distance = np.divide(total + free * ahead, weight, out=np.zeros_like(near), where=weight > 0)
+    return -distance, weight
 
 
 def _block_radius(grid: Grid, projections: F64) -> int:
@@ -151,8 +171,7 @@ def _add_voxel(p, m, depth, labels, facing, part, trunc, voxel, sums, x, y, z): 
     if a != a or b != b or c != c or d != d:
         return
     if low > w + FAR * trunc or (low > w + trunc and high == np.inf):
-        sums[0, x, y, z] += trunc  # free: every pixel looks past it
-        sums[1, x, y, z] += 1.0
+        sums[6, x, y, z] += 1.0  # free: every pixel looks past it
         return
     near_i, near_j = i + (1 if v - i > 0.5 else 0), j + (1 if u - j > 0.5 else 0)
     own = labels[near_i, near_j] == part
@@ -181,7 +200,7 @@ def _add_voxel(p, m, depth, labels, facing, part, trunc, voxel, sums, x, y, z): 
 
 @kernel
 def _block_view(p, m, nearest, farthest, labels, part, trunc, reach):  # type: ignore[no-untyped-def]
-    """Return 0 free, 4 hidden by the part, 5 hidden by another, -1 the view must be asked in full."""
+    """Return 6 free, 4 hidden by the part, 5 hidden by another, -1 the view must be asked in full."""
     height, width = nearest.shape
     w = m[2, 0] * p[0] + m[2, 1] * p[1] + m[2, 2] * p[2] + m[2, 3]
     if not w > reach:
@@ -192,7 +211,7 @@ def _block_view(p, m, nearest, farthest, labels, part, trunc, reach):  # type: i
         return -1
     i, j = int(v), int(u)
     if nearest[i, j] > w + reach + FAR * trunc:
-        return 0
+        return 6
     if farthest[i, j] < w - reach - FAR * trunc:
         return 4 if labels[i, j] == part else 5
     return -1
@@ -209,13 +228,13 @@ def _fuse(lo, voxel, projections, depths, labels, facing, nearest, farthest, par
         x1, y1, z1 = min(x0 + BLOCK, nx), min(y0 + BLOCK, ny), min(z0 + BLOCK, nz)
         center = np.array([lo[0] + voxel * (x0 + half), lo[1] + voxel * (y0 + half),
                            lo[2] + voxel * (z0 + half)])
-        p, count = np.zeros(3), np.zeros(6)
+        p, count = np.zeros(3), np.zeros(7)
         for v in range(len(projections)):
             m = projections[v]
             verdict = _block_view(center, m, nearest[v], farthest[v], labels[v], part, trunc, reach)
             if verdict >= 0:
                 count[verdict] += 1.0
-                if count[0] >= SURE:
+                if count[6] >= SURE:
                     break
                 continue
             for x in range(x0, x1):
@@ -226,7 +245,6 @@ def _fuse(lo, voxel, projections, depths, labels, facing, nearest, farthest, par
                         p[2] = lo[2] + voxel * z
                         _add_voxel(p, m, depths[v], labels[v], facing[v], part, trunc, voxel,
                                    sums, x, y, z)
-        count[1], count[0] = count[0], count[0] * trunc
-        for c in (0, 1, 4, 5):
+        for c in range(4, 7):
             if count[c] > 0.0:
                 sums[c, x0:x1, y0:y1, z0:z1] += np.float32(count[c])

@@ -35,7 +35,9 @@ if TYPE_CHECKING:
 
 MARGIN = TRUNCATION + 2.0  # voxels around a part: its distances fade to the truncation in there
 SOLID_OPACITY = 0.3  # fainter Gaussians are haze, no surface
-CROSSING = 0.02  # share of a part; two moving parts that overlap more really cross on their ways
+CROSSING = 0.1  # share of a part; two moving parts that overlap more really cross on their ways
+BASE_BONUS = np.float32(0.5)  # a base surface stands still and is seen twice: it wins a tie
+STEP = 1.5  # voxels between poses of a sweep: less than the thinnest part, so nothing is jumped over
 COLOR_NEIGHBORS = 4  # nearest Gaussians blended into a vertex colour
 SEEN = 1.5  # voxels between a vertex and a first surface for the vertex to count as observed
 
@@ -132,13 +134,28 @@ def build_solids(place: _Place, maps: list[PartMaps], grid: Grid,
         window = grid.window(lo - reach, hi + reach) if k else grid
         states = [(maps[0], eye), (maps[1], place.state1_from_0[k])]
         evidence.append(fuse(window, k, states, TRUNCATION * grid.voxel))
-        solids.append(keep_large(moving_solid(evidence[k]) if k else base_solid(evidence[k])))
-    for k in range(2, place.count):
+        solids.append(moving_solid(evidence[k]) if k else keep_large(base_solid(evidence[k])))
+    for k in range(1, place.count):
+        solids[k] = _yield_to_base(solids, evidence, k, place)
         for j in range(1, k):
             solids[k] = _yield_to(solids[k], solids[j], k, j, place, clearance)
         solids[k] = without_voids(keep_large(solids[k]))
     solids[0] = _carve_base(solids, evidence, place, clearance)
     return solids
+
+
+def _yield_to_base(solids: list[Solid], evidence: list[Fused], part: int,
+                   place: _Place) -> Solid:
+    """Return a moving part without what it would sweep out of better observed base surfaces.
+
+    Both are noisy by about a voxel; where they overlap, the one that more views saw is right.
+    """
+    solid = solids[part]
+    poses = sweep(part, 0, place.joints, place.parents, solid.corners(),
+                  STEP * solid.grid.voxel)
+    base_from_part = np.linalg.inv(poses)
+    support = (BASE_BONUS * evidence[part].own, evidence[0].own)
+    return carve(solid, solids[0], base_from_part, 0.0, support)
 
 
 def _carve_base(solids: list[Solid], evidence: list[Fused], place: _Place,
@@ -149,7 +166,8 @@ def _carve_base(solids: list[Solid], evidence: list[Fused], place: _Place,
         room = cavity(solids[k], evidence[k])
         for pose in (np.eye(4), inverse(place.state1_from_0[k])):
             base = clear_cavity(base, evidence[0], room, solids[k], pose)
-    sweeps = [sweep(k, 0, place.joints, place.parents, solids[k].corners(), base.grid.voxel)
+    sweeps = [sweep(k, 0, place.joints, place.parents, solids[k].corners(),
+                    STEP * base.grid.voxel)
               for k in range(1, place.count)]
     for last in (False, True):  # between the two, what the first left of the unknown is smoothed
         for k, poses in enumerate(sweeps, 1):
@@ -170,7 +188,8 @@ def _yield_to(solid: Solid, rival: Solid, part: int, other: int, place: _Place,
         inverse(chain(other, place.joints, place.parents, q))
         @ chain(part, place.joints, place.parents, q) for q in ([0.0] * len(values), values)])
     out = carve(solid, rival, observed, clearance)
-    poses = sweep(other, part, place.joints, place.parents, rival.corners(), rival.grid.voxel)
+    poses = sweep(other, part, place.joints, place.parents, rival.corners(),
+                  STEP * rival.grid.voxel)
     swept = carve(out, rival, poses, clearance)
     return swept if swept.volume >= (1 - CROSSING) * out.volume else out
 

@@ -4,16 +4,18 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from part2gs_robotics.carve import F32, F64, Solid
+from part2gs_robotics.carve import F32, F64, Solid, index_move
 from part2gs_robotics.fuse import TRUNCATION, Fused
+from part2gs_robotics.render_jit import parallel_kernel
 
-SMOOTHING = 0.7  # voxels: below one voxel, so that walls of two voxels survive
+SMOOTHING = 1.0  # voxels, as much as rendered depth is wrong; walls of two voxels survive it
 MIN_WEIGHT = 0.5  # half a view that faces the surface: less is an edge seen at a grazing angle
 DEEP_SHARE = 0.9  # of the views that cannot see a point: inside a part nearly all end on that part
-DEEP_VIEWS = 3  # fewer may all look from one side, and then the depth behind it is unknown
+HULL_SHARE = 0.1  # the same inside the part's convex hull, where neighbours hide a lot
 SMALLEST = 0.01  # share of the volume below which a separate piece is noise
 UNSEEN_SMOOTHING = 2.5  # voxels: wider than the streaks that single views' shadows leave
 FIN = 2  # voxels: half the thickness below which an unobserved sheet is a leftover, not a wall
@@ -21,19 +23,22 @@ THIN = 1.0  # voxels of signed distance given to an observed surface too thin fo
 
 
 def moving_solid(fused: Fused) -> Solid:
-    """Return the solid of a moving part: what its own surfaces bound, never more.
+    """Return the solid of a moving part: what its own surfaces bound.
 
-    Behind a surface seen from one side only, the part is as thick as the truncation. Deeper points
-    belong to it when nearly every view that cannot see them ends on this part.
+    Behind a surface seen from one side only, the part is as thick as the truncation. Deeper, a
+    point that nobody saw free belongs to it when nearly every view that misses the point ends on
+    this part, or when it lies inside the convex hull of the part and this part hides it best.
     """
-    hidden = fused.hidden_own + fused.hidden_other
-    deep = (fused.hidden_own >= DEEP_VIEWS) & (fused.hidden_own >= DEEP_SHARE * hidden)
-    return _solid(fused, deep)
+    shell = keep_large(_solid(fused, fused.enclosed >= DEEP_SHARE))
+    unseen = (shell.values <= 0) & (fused.weight <= MIN_WEIGHT) & (fused.enclosed >= HULL_SHARE)
+    inner = within_hull(shell, unseen)
+    filled = np.where(inner, np.float32(TRUNCATION), shell.values)
+    return keep_large(calm(replace(shell, values=filled), fused))
 
 
 def base_solid(fused: Fused) -> Solid:
     """Return the solid of the base: everything nobody saw free and no other part claims."""
-    return _solid(fused, fused.weight + fused.hidden_own + fused.hidden_other > 0)
+    return calm(_solid(fused, fused.weight + fused.hidden > 0), fused)
 
 
 def _solid(fused: Fused, filled: NDArray[np.bool_]) -> Solid:
@@ -42,7 +47,7 @@ def _solid(fused: Fused, filled: NDArray[np.bool_]) -> Solid:
     unseen = np.where(filled, np.float32(TRUNCATION), np.float32(-TRUNCATION))
     values = _thicken(_settle(fused, unseen), fused)
     values[ndimage.binary_fill_holes(values > 0) & (values <= 0)] = TRUNCATION
-    return calm(Solid(fused.grid, values), fused)
+    return Solid(fused.grid, values)
 
 
 def calm(solid: Solid, fused: Fused) -> Solid:
@@ -129,38 +134,47 @@ def cavity(solid: Solid, fused: Fused) -> NDArray[np.bool_]:
 
     What is empty in one state moves with the part, so the base cannot fill it in the other.
     """
+    empty = (fused.distance < -0.9 * TRUNCATION * fused.grid.voxel) & (fused.weight > 2)
+    return within_hull(solid, empty & (solid.values <= 0))
+
+
+def within_hull(solid: Solid, candidates: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Return the candidate voxels inside the convex hull of a solid."""
     from scipy.spatial import ConvexHull, QhullError
 
-    inside = solid.values > 0
-    empty = (fused.distance < -0.9 * TRUNCATION * fused.grid.voxel) & (fused.weight > 2) & ~inside
-    points = np.argwhere(inside)
-    candidates = np.argwhere(empty)
-    if len(points) < 4 or not len(candidates):
-        return np.zeros_like(inside)
+    points = np.argwhere(solid.values > 0)
+    out = np.zeros_like(candidates)
+    if len(points) < 4:
+        return out
     try:
-        planes = _few_planes(ConvexHull(_thin_out(points)).equations)
+        planes = ConvexHull(_row_ends(points)).equations
     except QhullError:  # a flat part has no inside
-        return np.zeros_like(inside)
-    within = np.ones(len(candidates), bool)
-    for plane in planes:
-        within[within] = candidates[within] @ plane[:3] + plane[3] < -0.5
-    out = np.zeros_like(inside)
-    out[tuple(candidates[within].T)] = True
+        return out
+    # Voxel corners repeat each plane many times; rounded to 1e-6 they are one.
+    _inside_planes(candidates, np.unique(np.round(planes, 6), axis=0), out)
     return out
 
 
-def _thin_out(points: NDArray[np.int64]) -> F64:
-    """Return the points that are extreme along their own row of voxels, enough for a hull."""
-    order = np.lexsort(points.T[::-1])
-    rows = points[order]
-    change = np.any(rows[1:, :2] != rows[:-1, :2], axis=1)
+def _row_ends(points: NDArray[np.int64]) -> F64:
+    """Return the first and last point of every row of voxels: enough for the convex hull."""
+    change = np.any(points[1:, :2] != points[:-1, :2], axis=1)
     ends = np.concatenate([[True], change]) | np.concatenate([change, [True]])
-    return np.asarray(rows[ends], np.float64)
+    return np.asarray(points[ends], np.float64)
 
 
-def _few_planes(planes: F64) -> F64:
-    """Return the distinct planes of a hull; voxel corners repeat each of them many times."""
-    return np.unique(np.round(planes, 6), axis=0)
+@parallel_kernel
+def _inside_planes(candidates, planes, out):  # type: ignore[no-untyped-def]
+    nx, ny, nz = candidates.shape
+    for x in numba.prange(nx):
+        for y in range(ny):
+            for z in range(nz):
+                inside = candidates[x, y, z]
+                k = 0
+                while inside and k < len(planes):
+                    p = planes[k]
+                    inside = p[0] * x + p[1] * y + p[2] * z + p[3] < -0.5  # half a voxel within
+                    k += 1
+                out[x, y, z] = inside
 
 
 def clear_cavity(base: Solid, seen: Fused, room: NDArray[np.bool_], part: Solid,
@@ -174,12 +188,22 @@ def clear_cavity(base: Solid, seen: Fused, room: NDArray[np.bool_], part: Solid,
         part: solid of the part.
         part_from_base: [4, 4] in the state at which the cavity is emptied.
     """
-    index = np.argwhere((base.values > 0) & (seen.weight <= MIN_WEIGHT))
-    points = base.grid.centers(index) @ part_from_base[:3, :3].T + part_from_base[:3, 3]
-    at = np.rint((points - part.grid.lo) / part.grid.voxel).astype(np.int64)
-    fits = np.all((at >= 0) & (at < room.shape), axis=1)
-    index, at = index[fits], at[fits]
-    hit = room[tuple(at.T)]
+    unseen = (base.values > 0) & (seen.weight <= MIN_WEIGHT)
     values = base.values.copy()
-    values[tuple(index[hit].T)] = -TRUNCATION
+    _clear(values, unseen, room, index_move(part.grid, part_from_base[None], base.grid)[0])
     return replace(base, values=values)
+
+
+@parallel_kernel
+def _clear(values, unseen, room, m):  # type: ignore[no-untyped-def]
+    nx, ny, nz = values.shape
+    hx, hy, hz = room.shape
+    for x in numba.prange(nx):
+        for y in range(ny):
+            for z in range(nz):
+                if unseen[x, y, z]:
+                    u = round(m[0, 0] * x + m[0, 1] * y + m[0, 2] * z + m[0, 3])
+                    v = round(m[1, 0] * x + m[1, 1] * y + m[1, 2] * z + m[1, 3])
+                    w = round(m[2, 0] * x + m[2, 1] * y + m[2, 2] * z + m[2, 3])
+                    if 0 <= u < hx and 0 <= v < hy and 0 <= w < hz and room[u, v, w]:
+                        values[x, y, z] = -TRUNCATION

@@ -103,7 +103,8 @@ def _separate(surface: Manifold, voxel: float) -> Manifold:
     import manifold3d
 
     points, faces = arrays(surface)
-    for _ in range(3):
+    scatter = np.random.default_rng(0)  # tells twins apart whose neighbours are the same
+    for _ in range(8):
         _, same, count = np.unique(points.astype(np.float32), axis=0, return_inverse=True,
                                    return_counts=True)
         twins = np.flatnonzero(count[same.ravel()] > 1)
@@ -115,6 +116,7 @@ def _separate(surface: Manifold, voxel: float) -> Manifold:
             np.add.at(ring, faces[:, i], points[faces[:, (i + 1) % 3]])
             np.add.at(number, faces[:, i], 1.0)
         inward = ring[twins] / number[twins, None] - points[twins]
+        inward += 0.1 * voxel * scatter.standard_normal(inward.shape)
         length = np.linalg.norm(inward, axis=1, keepdims=True)
         points[twins] += APART * voxel * inward / np.maximum(length, 1e-12 * voxel)
     else:

@@ -1,0 +1,177 @@
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from part2gs_robotics.articulate import Motion
+from part2gs_robotics.config import MeshConfig
+from part2gs_robotics.errors import MeshError
+from part2gs_robotics.gaussians import Gaussians
+from part2gs_robotics.joints import Joint
+from part2gs_robotics.meshing import build_parts
+from part2gs_robotics.scene import Scene, StateViews
+from part2gs_robotics.se3 import apply, inverse, make, screw_motion
+from part2gs_robotics.solids import defect, to_manifold
+
+SIZE, FOCAL, DISTANCE, VIEWS = 128, 210.0, 2.0, 26
+RED, BLUE = (0.8, 0.1, 0.1), (0.1, 0.2, 0.9)
+# A chest with a lid hinged at its back edge, 60 degrees open at state 1.
+CHEST = (np.array([-0.2, -0.25, -0.15]), np.array([0.2, 0.25, 0.1]))
+LID = (np.array([-0.2, -0.25, 0.1]), np.array([0.2, 0.25, 0.15]))
+HINGE = Joint("revolute", np.array([0.0, 1.0, 0.0]), np.array([-0.2, 0.0, 0.1]), -np.pi / 3)
+EYE = np.eye(4)
+
+
+def cameras() -> np.ndarray:
+    out = []
+    for i in range(VIEWS):
+        z = 1 - (2 * i + 1) / VIEWS
+        back = np.array([np.sqrt(1 - z * z) * np.cos(2.4 * i), np.sqrt(1 - z * z) * np.sin(2.4 * i), z])
+        right = np.cross([0, 0, 1.0], back)
+        right /= np.linalg.norm(right)
+        out.append(make(np.stack([right, -np.cross(back, right), -back]), np.array([0, 0, DISTANCE])))
+    return np.array(out)
+
+
+def depth_of_box(viewmat, box, world_from_box) -> np.ndarray:
+    box_from_cam = inverse(viewmat @ world_from_box)
+    u = (np.arange(SIZE) + 0.5 - SIZE / 2) / FOCAL
+    rays = np.stack([*np.meshgrid(u, u), np.ones((SIZE, SIZE))], -1) @ box_from_cam[:3, :3].T
+    with np.errstate(divide="ignore"):
+        a, b = ((c - box_from_cam[:3, 3]) / rays for c in box)
+    near, far = np.minimum(a, b).max(-1), np.maximum(a, b).min(-1)
+    return np.where(near < far, near, np.inf)
+
+
+def surface_points(box, n=1500) -> np.ndarray:
+    rng = np.random.default_rng(1)
+    points = rng.uniform(0, 1, (n, 3))
+    points[np.arange(n), np.arange(n) % 3] = rng.integers(0, 2, n)
+    return box[0] + points * (box[1] - box[0])
+
+
+def two_states(boxes, joints, world=EYE, parents=None):
+    """Return (scene, gaussians, motion) of boxes, the first of them the base."""
+    states, clouds, probs = [], [], []
+    for s in (0, 1):
+        moves = [world, *(world @ j.transform(s * j.value) for j in joints)]
+        viewmats = cameras() @ inverse(world)
+        depth = np.min([[depth_of_box(m, b, w) for m in viewmats]
+                        for b, w in zip(boxes, moves, strict=True)], axis=0)
+        seen = np.isfinite(depth)
+        K = np.array([[FOCAL, 0, SIZE / 2], [0, FOCAL, SIZE / 2], [0, 0, 1.0]])
+        states.append(StateViews(
+            np.zeros((VIEWS, SIZE, SIZE, 3), np.uint8), np.where(seen, 255, 0).astype(np.uint8),
+            np.repeat(K[None], VIEWS, 0), viewmats, np.where(seen, depth, 0).astype(np.float32),
+            tuple(map(str, range(VIEWS))), np.arange(VIEWS) % 13 == 12))
+        points = [apply(m, surface_points(b)) for b, m in zip(boxes, moves, strict=True)]
+        label = np.repeat(np.arange(len(boxes)), [len(p) for p in points])
+        means = np.concatenate(points).astype(np.float32)
+        n = len(means)
+        colors = np.where(label[:, None] == 0, RED, BLUE)
+        clouds.append(Gaussians(
+            means, np.tile(np.array([1, 0, 0, 0], np.float32), (n, 1)),
+            np.full((n, 3), np.log(0.012), np.float32), np.full(n, 4.0, np.float32),
+            ((colors - 0.5) / 0.28209479177387814).astype(np.float32), np.zeros((n, 0, 3), np.float32)))
+        probs.append(np.eye(len(boxes), dtype=np.float32)[label])
+    joints = tuple(moved_joint(j, world) for j in joints)
+    motion = Motion((probs[0], probs[1]), joints, parents or (0,) * len(joints),
+                    tuple({"contact_loss": 0.5} for _ in joints))
+    return Scene(Path("toy"), "toy", (states[0], states[1])), (clouds[0], clouds[1]), motion
+
+
+def moved_joint(joint: Joint, world) -> Joint:
+    return Joint(joint.kind, world[:3, :3] @ joint.axis, apply(world, joint.origin), joint.value)
+
+
+@pytest.fixture(scope="module")
+def chest():
+    return build_parts(*two_states([CHEST, LID], [HINGE]), MeshConfig(resolution=48))
+
+
+def centroid(part) -> np.ndarray:
+    import trimesh
+
+    return np.asarray(trimesh.Trimesh(part.mesh.vertices, part.mesh.faces).center_mass)
+
+
+def overlap(parts, q) -> float:
+    base, lid = (to_manifold(p.mesh) for p in parts)
+    return (base ^ lid.transform(parts[1].joint.transform(q)[:3])).volume()
+
+
+def test_every_part_is_watertight_by_every_test(chest):
+    assert [p.name for p in chest] == ["base", "part_1"]
+    for part in chest:
+        assert defect(part.mesh) is None
+        assert part.pieces
+        assert all(defect(piece) is None for piece in part.pieces)
+
+
+def test_volumes_are_the_closed_forms(chest):
+    voxel = 0.5 / 48
+    base, lid = (to_manifold(p.mesh).volume() for p in chest)
+    # The base gives way to the lid by the clearance of one voxel, over its whole top.
+    assert base == pytest.approx(0.4 * 0.5 * (0.25 - voxel), rel=0.05)
+    assert lid == pytest.approx(0.4 * 0.5 * 0.05, rel=0.06)
+
+
+def test_parts_are_apart_in_both_states_and_on_the_way(chest):
+    for q in np.linspace(0, HINGE.value, 21):
+        assert overlap(chest, q) == 0.0
+
+
+def test_joint_limits_colours_and_bookkeeping(chest):
+    base, lid = chest
+    assert (base.parent, base.joint, base.limits) == (-1, None, (0.0, 0.0))
+    assert (lid.parent, lid.limits) == (0, (HINGE.value, 0.0))
+    assert lid.diagnostics == {"contact_loss": 0.5}
+    assert (base.num_gaussians, lid.num_gaussians) == (3000, 3000)
+    for part, color in ((base, RED), (lid, BLUE)):
+        assert np.abs(part.mesh.colors / 255 - color).max() < 0.01
+        assert part.mesh.synthesised < 0.05
+
+
+def test_meshes_follow_the_world_frame(chest):
+    world = screw_motion(np.array([0.48, 0.6, 0.64]), np.array([0.3, 0.2, 0.1]), 0.8, 0.5)
+    moved = build_parts(*two_states([CHEST, LID], [HINGE], world), MeshConfig(resolution=48))
+    for a, b in zip(chest, moved, strict=True):
+        before, after = to_manifold(a.mesh), to_manifold(b.mesh)
+        assert after.volume() == pytest.approx(before.volume(), rel=0.06)
+        assert np.linalg.norm(centroid(b) - apply(world, centroid(a))) < 0.5 * 0.5 / 48
+    assert overlap(moved, HINGE.value) == overlap(moved, 0.0) == 0.0
+
+
+def test_a_part_without_gaussians_is_refused_with_its_name():
+    scene, gaussians, motion = two_states([CHEST, LID], [HINGE])
+    nobody = tuple(np.tile(np.array([1, 0], np.float32), (len(g), 1)) for g in gaussians)
+    empty = Motion((nobody[0], nobody[1]), motion.joints, motion.parents)
+    with pytest.raises(MeshError, match=r"part_1: 0 Gaussians.*Needed.*--parts"):
+        build_parts(scene, gaussians, empty, MeshConfig(resolution=32))
+
+
+def test_a_part_without_volume_is_refused_with_its_name():
+    scene, gaussians, motion = two_states([CHEST, LID], [HINGE])
+    deep = gaussians[0].means.copy()
+    deep[motion.labels(0) == 1] *= np.float32(0.05)  # all inside the chest: no view shows them
+    inside = [Gaussians(deep, g.quats, g.log_scales, g.logit_opacities, g.sh0, g.shN)
+              for g in gaussians]
+    still = Motion(motion.part_probs, (Joint("fixed", HINGE.axis, HINGE.origin, 0.0),), (0,))
+    with pytest.raises(MeshError, match=r"part_1: its volume is 0.*Needed"):
+        build_parts(scene, (inside[0], inside[1]), still, MeshConfig(resolution=32))
+
+
+def test_two_parts_that_touch_are_parted():
+    left = (np.array([0.1, -0.25, -0.15]), np.array([0.16, 0.0, 0.1]))
+    right = (np.array([0.1, 0.0, -0.15]), np.array([0.16, 0.25, 0.1]))
+    body = (np.array([-0.2, -0.25, -0.15]), np.array([0.1, 0.25, 0.1]))
+    slides = [Joint("prismatic", np.array([1.0, 0, 0]), np.zeros(3), v) for v in (0.1, 0.2)]
+    parts = build_parts(*two_states([body, left, right], slides), MeshConfig(resolution=40))
+    solids = [to_manifold(p.mesh) for p in parts]
+    for t in np.linspace(0, 1, 11):
+        at = [s.transform((EYE if p.joint is None else p.joint.transform(t * p.joint.value))[:3])
+              for s, p in zip(solids, parts, strict=True)]
+        for i in range(3):
+            for j in range(i):
+                assert (at[i] ^ at[j]).volume() == 0.0
+    assert all(s.volume() > 0.5 * 0.06 * 0.25 * 0.25 for s in solids)
