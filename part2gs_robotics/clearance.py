@@ -7,14 +7,16 @@ to block it. Two convex bodies have a separating plane: both are cut back to it.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
+from part2gs_robotics.convex_planes import Facets, facets
 from part2gs_robotics.kinematics import moving_parts, part_transforms, subtree
 from part2gs_robotics.se3 import inverse
-from part2gs_robotics.solids import bounds, hull_of, to_mesh
+from part2gs_robotics.solids import bounds, hull_of, to_manifold, to_mesh
 from part2gs_robotics.twin import PartMesh, Twin
 
 if TYPE_CHECKING:
@@ -23,35 +25,71 @@ if TYPE_CHECKING:
 F64 = NDArray[np.float64]
 GAP = 5e-4  # of the size: half a millimetre on a metre, free of contact forces
 STEPS = 30  # per joint; 90 degrees in steps of 3: the arc between leaves 0.03 % of the radius
-QUARTER = 0.25  # of its width a thin wall gives first
-DEEPEST = 0.5  # of its width any piece gives: deeper overlaps are no noise and are left alone
+COARSE = 1.5e-3  # of the size: copy of a part against which losses are weighed
+SHARES = (0.0, 0.25, 0.5, 0.75, 1.0)  # of a cut that the first of two pieces takes
+SPARE = 0.03  # of its volume a part may lose in one cut; more is a real crossing, left alone
 CRUMB = 1e-7  # of the size cubed
-SPLINTER = 0.02  # of all collision volume of a part: so small a piece may be given up
 
 
 @dataclass
 class _Piece:
     """A convex body under the knife, in the state-0 frame of the world.
 
-    Below the volume `splinter` it may be dropped.
+    Attributes:
+        part: index.  solid: convex.  real: what of the part lies in it.  spare: real volume that
+            may be lost in one cut.  vertices, normals: of `solid`.  faces: of `real`.
     """
 
     part: int
     solid: Manifold
+    real: Manifold
+    spare: float
     vertices: F64
     normals: F64
-    splinter: float = 0.0
+    faces: Facets
 
-    def recut(self, solid: Manifold) -> None:
-        self.solid = solid
-        self.vertices, self.normals = _corners(solid)
+    def trim(self, planes: list[tuple[F64, float]]) -> None:
+        """Keep what lies on the positive side of planes (normal, level)."""
+        self.solid, self.real = _trim(self.solid, planes), _trim(self.real, planes)
+        self.vertices, self.normals = _corners(self.solid)
+        self.faces = _faces(self.real)
+
+    def loss(self, planes: list[tuple[F64, float]]) -> float:
+        """Return about the real volume that `trim` would cost.
+
+        Beyond a plane the volume is the surface integral of the height above it, taken along the
+        plane's normal (divergence theorem; faces the plane cuts count by their centre).
+        """
+        costs = [0.0]
+        for normal, level in planes:
+            height = np.maximum(level - self.faces.centers @ normal, 0.0)
+            costs.append(-float((height * (self.faces.normals @ normal)) @ self.faces.areas))
+        return max(costs)
+
+
+def _trim(solid: Manifold, planes: list[tuple[F64, float]]) -> Manifold:
+    for normal, level in planes:
+        solid = solid.trim_by_plane(normal.tolist(), level)
+    return solid
+
+
+def _pieces(twin: Twin, size: float) -> list[_Piece]:
+    out = []
+    for index, part in enumerate(twin.parts):
+        whole = to_manifold(part.mesh).simplify(COARSE * size)
+        for piece in part.pieces:
+            hull = hull_of(piece.vertices)
+            real, spare = hull ^ whole, SPARE * float(whole.volume())
+            out.append(_Piece(index, hull, real, spare, *_corners(hull), _faces(real)))
+    return out
 
 
 def separate_pieces(twin: Twin, *, gap: float | None = None) -> Twin:
     """Return the twin with collision pieces that no joint drives into each other.
 
-    Every joint is swept over its range with the others at state 0 and at state 1; wherever pieces of a moved and an unmoved part come closer than `gap`, both are cut back to a
-    plane between them. Visual meshes stay as they are.
+    Every joint is swept over its range with the others at state 0 and at state 1; wherever pieces
+    of a moved and an unmoved part come closer than `gap`, both are cut back to a plane between
+    them, where it costs the real parts least. Visual meshes stay as they are.
 
     Args:
         twin: with convex pieces.
@@ -63,15 +101,8 @@ def separate_pieces(twin: Twin, *, gap: float | None = None) -> Twin:
     low, high = bounds(tuple(p.mesh for p in twin.parts))
     size = float(np.linalg.norm(high - low))
     distance = GAP * size if gap is None else gap
-    pieces = [
-        _Piece(i, solid, *_corners(solid))
-        for i, part in enumerate(twin.parts)
-        for solid in (hull_of(p.vertices) for p in part.pieces)
-    ]
+    pieces = _pieces(twin, size)
     before = sum(float(p.solid.volume()) for p in pieces)
-    for piece in pieces:
-        whole = sum(float(p.solid.volume()) for p in pieces if p.part == piece.part)
-        piece.splinter = SPLINTER * whole
     stuck = set[tuple[int, int]]()
     for moved, start, end in _passages(twin):
         stuck |= _separate_at(pieces, moved, start, end, distance)
@@ -111,6 +142,11 @@ def _finished(
     return tuple(kept) or old[:1]
 
 
+def _faces(solid: Manifold) -> Facets:
+    raw = solid.to_mesh64()
+    return facets(np.array(raw.vert_properties[:, :3]), np.array(raw.tri_verts, np.int64))
+
+
 def _corners(solid: Manifold) -> tuple[F64, F64]:
     """Return [V, 3] corners and [N, 3] distinct face normals of a convex solid."""
     raw = solid.to_mesh64()
@@ -133,9 +169,9 @@ def _passages(twin: Twin) -> list[tuple[frozenset[int], list[F64], list[F64]]]:
     for slot, index in enumerate(moving):
         moved = frozenset(subtree(twin, index))
         for rest in ([0.0] * len(moving), observed):
-            stops = [rest[:slot] + [float(q)] + rest[slot + 1 :] for q in _stops(twin, index)]
+            stops = [[*rest[:slot], float(q), *rest[slot + 1 :]] for q in _stops(twin, index)]
             placed = [part_transforms(twin, stop) for stop in stops]
-            out += [(moved, a, b) for a, b in zip(placed[:-1], placed[1:], strict=True)]
+            out += [(moved, a, b) for a, b in pairwise(placed)]
     return out
 
 
@@ -155,7 +191,9 @@ def _separate_at(
     pieces: list[_Piece], moved: frozenset[int], start: list[F64], end: list[F64], gap: float
 ) -> set[tuple[int, int]]:
     """Cut back every pair of moved and unmoved pieces that comes too close on a short motion."""
-    at = [[p.vertices @ w[p.part][:3, :3].T + w[p.part][:3, 3] for p in pieces] for w in (start, end)]
+    at = [
+        [p.vertices @ w[p.part][:3, :3].T + w[p.part][:3, 3] for p in pieces] for w in (start, end)
+    ]
     low, high = np.full((len(pieces), 3), np.inf), np.full((len(pieces), 3), -np.inf)
     for i, both in enumerate(zip(*at, strict=True)):
         corners = np.concatenate(both)
@@ -188,41 +226,34 @@ def _separate(one: _Piece, two: _Piece, two_from_one: list[F64], gap: float) -> 
     best = int(np.argmin(depth))
     if depth[best] <= -gap:
         return True
-    normal, top, bottom = normals[best], float(along_a[best].max()), float(along_b[best].min())
-    width_a = float(np.ptp(one.vertices @ (two_from_one[0][:3, :3].T @ normal)))
-    width_b = float(np.ptp(along_b[best]))
-    shares = _shares((one, width_a), (two, width_b), float(depth[best]) + gap)
-    if shares is None:
-        return False
-    for move in two_from_one:
-        in_one = move[:3, :3].T @ normal
-        level = top - shares[0] - float(normal @ move[:3, 3])
-        one.recut(one.solid.trim_by_plane((-in_one).tolist(), -level))
-    two.recut(two.solid.trim_by_plane(normal.tolist(), bottom + shares[1]))
-    return True
+    along = float(along_a[best].max()), float(along_b[best].min())
+    return _cut(one, two, two_from_one, normals[best], along, gap)
 
 
-def _shares(
-    a: tuple[_Piece, float], b: tuple[_Piece, float], cut: float
-) -> tuple[float, float] | None:
-    """Return how much of a cut each of two (piece, width) takes; None if neither can.
+def _cut(
+    one: _Piece,
+    two: _Piece,
+    two_from_one: list[F64],
+    normal: F64,
+    ends: tuple[float, float],
+    gap: float,
+) -> bool:
+    """Cut along a normal where it costs least of the real parts: mostly phantom goes.
 
-    A slice off the piece with the smaller section costs least volume, but thin walls should stay:
-    up to a quarter of its width is taken there, or the whole piece when it is a splinter.
+    The plane goes to the end of the first body, of the second, or between them.
     """
-    section = [piece.solid.volume() / max(width, 1e-300) for piece, width in (a, b)]
-    small = int(section[0] > section[1])
-    (piece, width), other = (a, b)[small], (b, a)[small]
-    slim = min(cut, QUARTER * width)
-    rest = cut - slim
-    loss = slim * section[small] + rest * section[1 - small]
-    fits = rest <= DEEPEST * other[1]
-    options = [(loss, slim, rest)] if fits else []
-    if cut <= DEEPEST * width:
-        options.append((2 * cut * section[small], cut, 0.0))
-    if piece.solid.volume() <= piece.splinter:
-        options.append((3 * float(piece.solid.volume()), 2 * width + cut, 0.0))
-    if not options:
-        return None
-    _, first, second = min(options)
-    return (first, second) if small == 0 else (second, first)
+    top, bottom = ends
+    best: tuple[float, list[tuple[F64, float]], list[tuple[F64, float]]] | None = None
+    for share in SHARES:
+        level = top - share * (top - bottom + gap)
+        planes = [(-(m[:3, :3].T @ normal), float(normal @ m[:3, 3]) - level) for m in two_from_one]
+        other = [(normal, level + gap)]
+        losses = one.loss(planes), two.loss(other)
+        cost = max(losses[0] / one.spare, losses[1] / two.spare)
+        if best is None or cost < best[0]:
+            best = cost, planes, other
+    if best is None or best[0] > 1.0:
+        return False
+    one.trim(best[1])
+    two.trim(best[2])
+    return True
