@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numba
@@ -49,7 +49,7 @@ class Solid:
 
 
 def chain(part: int, joints: Sequence[Joint], parents: Sequence[int],
-          positions: Sequence[float]) -> F64:
+          positions: Sequence[float] | F64) -> F64:
     """Return [4, 4] world_at_q_from_world_at_0 of a part, carried by its parents.
 
     Args:
@@ -102,13 +102,14 @@ def sweep(part: int, carrier: int, joints: Sequence[Joint], parents: Sequence[in
     for start, end in paths:
         def relative(t: float, a: F64 = start, b: F64 = end) -> F64:
             q = a + t * (b - a)
-            return inverse(chain(part, joints, parents, q)) @ chain(carrier, joints, parents, q)
+            return np.asarray(inverse(chain(part, joints, parents, q))
+                              @ chain(carrier, joints, parents, q))
 
         poses += [relative(t) for t in np.linspace(0, 1, _pose_count(relative, corners, step))]
     return np.asarray(poses)
 
 
-def _pose_count(relative, corners: F64, step: float) -> int:  # type: ignore[no-untyped-def]
+def _pose_count(relative: Callable[[float], F64], corners: F64, step: float) -> int:
     """Return how many poses keep every corner's move below a step."""
     coarse = np.stack([inverse(relative(t)) for t in np.linspace(0, 1, 17)])
     path = np.einsum("pij,nj->pni", coarse[:, :3, :3], corners) + coarse[:, None, :3, 3]
@@ -132,7 +133,7 @@ def carve(solid: Solid, rival: Solid, rival_from_solid: F64, clearance: float,
     mine, theirs = support if support is not None else (none, none)
     values = solid.values.copy()
     _carve(values, rival.values, index_move(rival.grid, rival_from_solid, solid.grid),
-           np.float32(clearance), mine, theirs)
+           clearance, mine, theirs)
     return replace(solid, values=values)
 
 
@@ -145,7 +146,7 @@ def index_move(to: Grid, to_from_grid: F64, grid: Grid) -> F64:
 
 
 @kernel
-def _sample(values, x, y, z):  # type: ignore[no-untyped-def]
+def _sample(values: F32, x: float, y: float, z: float) -> float:
     """Return the trilinear value at a point inside the grid."""
     nx, ny, nz = values.shape
     i, j, k = min(int(x), nx - 2), min(int(y), ny - 2), min(int(z), nz - 2)
@@ -158,7 +159,8 @@ def _sample(values, x, y, z):  # type: ignore[no-untyped-def]
 
 
 @parallel_kernel
-def _carve(values, rival, moves, clearance, support, rival_support):  # type: ignore[no-untyped-def]
+def _carve(values: F32, rival: F32, moves: F64, clearance: float, support: F32,
+           rival_support: F32) -> None:
     nx, ny, nz = values.shape
     hx, hy, hz = rival.shape[0] - 1, rival.shape[1] - 1, rival.shape[2] - 1
     judged = support.size > 0

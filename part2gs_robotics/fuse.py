@@ -24,6 +24,7 @@ BLOCK = 4  # voxels per block and axis that one look into a coarse map may decid
 TRUNCATION = 3.0  # voxels: wider eats thin walls, narrower loses the noise of rendered depth
 FAR = 1.34  # truncations of depth difference beyond which no plane distance is asked for
 FEW_VIEWS = np.float32(3)  # fewer may all look from one side: no share is known then
+FREE_AHEAD = 0.75  # voxels: more pulls faces inwards, less lets depth noise win against free space
 SURE = 12  # views that see a whole block free, with room to spare, end the discussion
 GRAZING = 0.15  # cosine, 81 degrees: beyond, one pixel of error moves the surface by 7 pixels
 
@@ -109,7 +110,7 @@ def fuse(grid: Grid, part: int, states: Sequence[tuple[PartMaps, F64]],
         nearest, farthest = _windows(maps.maps.coded_depths, radius)
         sums[4:6] = 0
         _fuse(grid.lo, grid.voxel, projections, maps.maps.coded_depths, maps.labels, maps.facing,
-              nearest, farthest, part, np.float32(truncation), sums)
+              nearest, farthest, part, truncation, sums)
         blocked = sums[4] + sums[5]
         enclosed = np.maximum(enclosed, sums[4] / np.maximum(blocked, FEW_VIEWS))
         hidden += blocked
@@ -126,7 +127,7 @@ def _mean_distance(total: F32, near: F32, free: F32, truncation: float,
     """
     weight = near + free
     mean = np.divide(total, near, out=np.full_like(near, truncation), where=near > 0)
-    ahead = np.maximum(mean, np.float32(0.25 * voxel))  # a quarter voxel: free, but close by
+    ahead = np.maximum(mean, np.float32(FREE_AHEAD * voxel))
     distance = np.divide(total + free * ahead, weight, out=np.zeros_like(near), where=weight > 0)
     return -distance, weight
 
@@ -155,7 +156,8 @@ def _windows(coded: F32, radius: int) -> tuple[F32, F32]:
 
 
 @kernel
-def _add_voxel(p, m, depth, labels, facing, part, trunc, voxel, sums, x, y, z):  # type: ignore[no-untyped-def]
+def _add_voxel(p: F64, m: F64, depth: F32, labels: NDArray[np.uint8], facing: F32, part: int,
+               trunc: float, voxel: float, sums: F32, x: int, y: int, z: int) -> None:
     """Add what one view says about one voxel centre p."""
     height, width = depth.shape
     w = m[2, 0] * p[0] + m[2, 1] * p[1] + m[2, 2] * p[2] + m[2, 3]
@@ -199,8 +201,9 @@ def _add_voxel(p, m, depth, labels, facing, part, trunc, voxel, sums, x, y, z): 
 
 
 @kernel
-def _block_view(p, m, nearest, farthest, labels, part, trunc, reach):  # type: ignore[no-untyped-def]
-    """Return 6 free, 4 hidden by the part, 5 hidden by another, -1 the view must be asked in full."""
+def _block_view(p: F64, m: F64, nearest: F32, farthest: F32, labels: NDArray[np.uint8], part: int,
+                trunc: float, reach: float) -> int:
+    """Return 6 free, 4 hidden by the part, 5 hidden by another, -1 ask the view voxel by voxel."""
     height, width = nearest.shape
     w = m[2, 0] * p[0] + m[2, 1] * p[1] + m[2, 2] * p[2] + m[2, 3]
     if not w > reach:
@@ -218,7 +221,8 @@ def _block_view(p, m, nearest, farthest, labels, part, trunc, reach):  # type: i
 
 
 @parallel_kernel
-def _fuse(lo, voxel, projections, depths, labels, facing, nearest, farthest, part, trunc, sums):  # type: ignore[no-untyped-def]
+def _fuse(lo: F64, voxel: float, projections: F64, depths: F32, labels: NDArray[np.uint8],
+          facing: F32, nearest: F32, farthest: F32, part: int, trunc: float, sums: F32) -> None:
     _, nx, ny, nz = sums.shape
     by, bz = (ny + BLOCK - 1) // BLOCK, (nz + BLOCK - 1) // BLOCK
     blocks = ((nx + BLOCK - 1) // BLOCK) * by * bz

@@ -37,7 +37,7 @@ MARGIN = TRUNCATION + 2.0  # voxels around a part: its distances fade to the tru
 SOLID_OPACITY = 0.3  # fainter Gaussians are haze, no surface
 CROSSING = 0.1  # share of a part; two moving parts that overlap more really cross on their ways
 BASE_BONUS = np.float32(0.5)  # a base surface stands still and is seen twice: it wins a tie
-STEP = 1.5  # voxels between poses of a sweep: less than the thinnest part, so nothing is jumped over
+STEP = 1.5  # voxels between poses of a sweep: less than the thinnest part, none is jumped over
 COLOR_NEIGHBORS = 4  # nearest Gaussians blended into a vertex colour
 SEEN = 1.5  # voxels between a vertex and a first surface for the vertex to count as observed
 
@@ -153,7 +153,7 @@ def _yield_to_base(solids: list[Solid], evidence: list[Fused], part: int,
     solid = solids[part]
     poses = sweep(part, 0, place.joints, place.parents, solid.corners(),
                   STEP * solid.grid.voxel)
-    base_from_part = np.linalg.inv(poses)
+    base_from_part = np.asarray(np.linalg.inv(poses), np.float64)
     support = (BASE_BONUS * evidence[part].own, evidence[0].own)
     return carve(solid, solids[0], base_from_part, 0.0, support)
 

@@ -69,7 +69,7 @@ def render_part_maps(gaussians: Gaussians, part_probs: F32, state: StateViews) -
 
 
 @inlined
-def _slope(before, here, after):  # type: ignore[no-untyped-def]
+def _slope(before: float, here: float, after: float) -> float:
     """Return the smaller one-sided difference of inverse depth; inf where both are unknown."""
     a = 1.0 / here - 1.0 / before if before > 0.0 else np.inf
     b = 1.0 / after - 1.0 / here if after > 0.0 else np.inf
@@ -77,7 +77,7 @@ def _slope(before, here, after):  # type: ignore[no-untyped-def]
 
 
 @parallel_kernel
-def _facing(depths, Ks, out):  # type: ignore[no-untyped-def]
+def _facing(depths: F32, Ks: NDArray[np.float64], out: F32) -> None:
     # On a plane inverse depth is affine in the pixel, so its slope is the plane's normal.
     views, height, width = depths.shape
     for v in numba.prange(views):

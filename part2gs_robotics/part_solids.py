@@ -163,7 +163,7 @@ def _row_ends(points: NDArray[np.int64]) -> F64:
 
 
 @parallel_kernel
-def _inside_planes(candidates, planes, out):  # type: ignore[no-untyped-def]
+def _inside_planes(candidates: NDArray[np.bool_], planes: F64, out: NDArray[np.bool_]) -> None:
     nx, ny, nz = candidates.shape
     for x in numba.prange(nx):
         for y in range(ny):
@@ -195,7 +195,7 @@ def clear_cavity(base: Solid, seen: Fused, room: NDArray[np.bool_], part: Solid,
 
 
 @parallel_kernel
-def _clear(values, unseen, room, m):  # type: ignore[no-untyped-def]
+def _clear(values: F32, unseen: NDArray[np.bool_], room: NDArray[np.bool_], m: F64) -> None:
     nx, ny, nz = values.shape
     hx, hy, hz = room.shape
     for x in numba.prange(nx):

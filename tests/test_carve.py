@@ -48,8 +48,9 @@ def test_carving_leaves_the_clearance(clearance):
     base, rival = box_solid([0, 0, 0], [0.6, 0.6, 0.3]), box_solid(lo, hi)
     out = carve(base, rival, np.eye(4)[None], clearance)
     assert overlap(out, lo, hi, [np.eye(4)]) <= -clearance + 0.01
-    grown = np.minimum(hi + clearance * VOXEL, [0.6, 0.6, 0.3]) - np.maximum(lo - clearance * VOXEL, 0)
-    expected = 0.6 * 0.6 * 0.3 - grown.prod()
+    gap = clearance * VOXEL
+    pocket = np.minimum(hi + gap, [0.6, 0.6, 0.3]) - np.maximum(lo - gap, 0)
+    expected = 0.6 * 0.6 * 0.3 - pocket.prod()
     assert out.volume == pytest.approx(expected, rel=0.02)
 
 

@@ -15,7 +15,8 @@ def wall_maps(alpha_dtype=np.float32, views=3) -> DepthMaps:
     K = np.array([[FOCAL, 0, SIZE / 2], [0, FOCAL, SIZE / 2], [0, 0, 1.0]])
     viewmat = np.eye(4)
     viewmat[2, 3] = DISTANCE
-    return DepthMaps(depths, alphas, np.repeat(K[None], views, 0), np.repeat(viewmat[None], views, 0))
+    return DepthMaps(depths, alphas, np.repeat(K[None], views, 0),
+                     np.repeat(viewmat[None], views, 0))
 
 
 POINTS = np.array([
@@ -62,7 +63,8 @@ def test_observation_does_not_depend_on_the_world_frame():
     a, b = observe(points, maps, 0.01), observe(apply(move, points), moved, 0.01)
     for name in ("free", "surface", "hidden", "outside"):
         assert (getattr(a, name) == getattr(b, name)).all()
-    assert a.free.sum() and a.hidden.sum()
+    assert a.free.sum() > 0
+    assert a.hidden.sum() > 0
 
 
 def test_background_is_free_at_any_tolerance():

