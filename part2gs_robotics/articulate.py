@@ -1,13 +1,39 @@
-"""Motion: which Gaussian belongs to which part, and how every part moves."""
+"""Motion: which Gaussian belongs to which part, and how every part moves.
+
+Evidence first (what left, what arrived), then a hypothesis search, then the images of both states
+decide how many parts there are, and at last every joint is aligned to the images on its own.
+"""
 
 from __future__ import annotations
 
+import logging
+import time
+from collections.abc import Callable
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
+from part2gs_robotics.config import ArticulateConfig
+from part2gs_robotics.errors import FitError
+from part2gs_robotics.gaussians import Gaussians
 from part2gs_robotics.joints import Joint
+from part2gs_robotics.scene import Scene
+
+if TYPE_CHECKING:
+    from part2gs_robotics.decide import Verdict
+    from part2gs_robotics.motion_search import Hypothesis
+    from part2gs_robotics.study import Study
+
+logger = logging.getLogger(__name__)
+SEEDS = (8, 14)  # patches searched in states 0 and 1: every part of a 6-part cabinet is hit
+POOL_PRICE = 0.004  # of the evidence: what a hypothesis must explain to enter the competition
+POOL_TOP = 12  # hypotheses that are also tried on the object's own directions
+MIN_EVIDENCE = 0.004  # of all surfels: less is noise, nothing moved
+ALIGN_VIEWS = 32  # per state; 60 would halve the standard deviations at twice the time
+ALIGN_SIDE = 256  # pixels: 0.1 deg of a door of 80 pixels is 0.14 pixel, averaged over the views
+COST_TO_NATS = 8.0  # a contradiction (1.0) is 3,000 times less likely than a match (0)
 
 
 @dataclass(frozen=True)
@@ -32,3 +58,97 @@ class Motion:
     def labels(self, state: int) -> NDArray[np.int64]:
         """Return [N_s] the most likely part of every Gaussian of a state."""
         return np.asarray(self.part_probs[state].argmax(1), np.int64)
+
+
+def articulate(scene: Scene, gaussians: tuple[Gaussians, Gaussians], config: ArticulateConfig,
+               progress: Callable[[int, int, float], None] | None = None) -> Motion:
+    """Return the moving parts and their joints.
+
+    Args:
+        scene: images of both states.
+        gaussians: fitted Gaussians of both states.
+        config: `parts` fixes the number of moving parts, else it is found.
+        progress: called as (step, steps, number of parts).
+
+    Raises:
+        FitError: nothing moves between the states.
+    """
+    from part2gs_robotics.study import gather
+
+    clock = _Clock(progress)
+    study = gather(scene, gaussians)
+    moved = len(study.evidence.vacated) + len(study.evidence.arrived)
+    total = len(study.surfels[0]) + len(study.surfels[1])
+    logger.info("evidence: %d of %d surfels left their place or are new in it", moved, total)
+    if moved < MIN_EVIDENCE * total:
+        raise FitError(f"{scene.path}: only {moved} of {total} surface points moved between the states. Expected at "
+                       f"least {MIN_EVIDENCE:.1%}. Photograph the object in two clearly different states.")
+    clock.tick("evidence", 1)
+    pool = _pool(study, np.random.default_rng(config.seed), moved)
+    clock.tick("search", 2)
+    verdict = _decide(study, pool, config.parts, scene)
+    clock.tick("decision", 3, len(verdict.motions))
+    return _finish(scene, study, verdict, config, clock)
+
+
+class _Clock:
+    """Seconds of every step, and progress."""
+
+    def __init__(self, progress: Callable[[int, int, float], None] | None) -> None:
+        self.progress, self.last, self.seconds = progress, time.monotonic(), dict[str, float]()
+
+    def tick(self, name: str, step: int, parts: int = 0) -> None:
+        now = time.monotonic()
+        self.seconds[name], self.last = now - self.last, now
+        if self.progress:
+            self.progress(step, 5, float(parts))
+
+
+def _pool(study: Study, rng: np.random.Generator, moved: int) -> list[Hypothesis]:
+    from part2gs_robotics.motion_select import choose, propose
+    from part2gs_robotics.motion_snap import distinct, slide_families, snapped
+
+    found = propose(study.evidence, study.lands, study.box, SEEDS, rng)
+    ranked = sorted(choose(found, study.evidence, study.lands, study.diag, POOL_PRICE * moved), key=lambda p: -p[1])
+    top = distinct([h for h, _ in ranked][:POOL_TOP], study)
+    straight = snapped(top, study, rng)
+    families = slide_families([*straight, *top], study, 5 * POOL_PRICE * moved)
+    pool = distinct([*top, *families, *straight], study)
+    logger.info("search: %d patches' motions, %d compete", len(found), len(pool))
+    return pool
+
+
+def _decide(study: Study, pool: list[Hypothesis], parts: int | None, scene: Scene) -> Verdict:
+    from part2gs_robotics.decide import decide
+
+    verdict = decide(study, pool, parts, lambda text: logger.info("decide: %s", text))
+    if not verdict.motions:
+        raise FitError(f"{scene.path}: no rigid motion explains the difference of the two states. Expected at least "
+                       "one part that turns or slides; check that both states show the same object in one frame.")
+    return verdict
+
+
+def _finish(scene: Scene, study: Study, verdict: Verdict, config: ArticulateConfig, clock: _Clock) -> Motion:
+    from part2gs_robotics.align import align
+    from part2gs_robotics.cross_render import small_views
+    from part2gs_robotics.decide import Judge
+    from part2gs_robotics.identity import refine_identities
+    from part2gs_robotics.joint_fit import choose_joint
+    from part2gs_robotics.physics_terms import part_diagnostics, physical_steps
+
+    judge, n0 = Judge(study), len(study.surfels[0])
+    joints = []
+    for k, h in enumerate(verdict.motions):
+        own = (study.surfels[0].select(verdict.hard[:n0] == k + 1), study.surfels[1].select(verdict.hard[n0:] == k + 1))
+        joints.append(choose_joint(h, own, judge.lands, study.tau, study.diag, judge.confidence(verdict, k)))
+    joints = physical_steps(study, joints, verdict.hard, config.paper_mode)
+    views = (small_views(scene.states[0], ALIGN_VIEWS, ALIGN_SIDE), small_views(scene.states[1], ALIGN_VIEWS, ALIGN_SIDE))
+    if not config.paper_mode:  # the paper refines the joints by its losses alone
+        joints = align(study.gaussians, study.gaussian_labels(verdict.hard), joints, views, study.diag)
+    clock.tick("alignment", 4, len(joints))
+    costs = judge.costs(joints, verdict.hard)
+    unary = [COST_TO_NATS * costs[:n0][study.nearest[0]], COST_TO_NATS * costs[n0:][study.nearest[1]]]
+    probs = refine_identities(unary[0], unary[1], study.gaussians, joints)
+    diagnostics, notes = part_diagnostics(study, joints, verdict.hard, config.paper_mode)
+    clock.tick("identity", 5, len(joints))
+    return Motion((probs[0], probs[1]), tuple(joints), (0,) * len(joints), diagnostics, notes, clock.seconds)

@@ -1,0 +1,190 @@
+"""Alignment: the joints' few parameters against the images, Gaussians frozen, second order.
+
+Gaussians that move together with the joint absorb its error, so the joint is solved on its own:
+every view gives a linear equation between image difference and joint parameters (direct image
+alignment), and all views together one small Gauss-Newton system per part.
+"""
+
+from __future__ import annotations
+
+import logging
+from dataclasses import dataclass, replace
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from part2gs_robotics import se3
+from part2gs_robotics.cross_render import SmallViews, both_cost, move_gaussians
+from part2gs_robotics.gaussians import Gaussians
+from part2gs_robotics.joint_fit import move_of, parameters, perturbed
+from part2gs_robotics.joints import Joint
+from part2gs_robotics.render import render
+
+logger = logging.getLogger(__name__)
+F64 = NDArray[np.float64]
+F32 = NDArray[np.float32]
+BLURS = (2.5, 1.5, 1.0, 0.7)  # pixels: wide catches large errors, narrow decides
+STEPS = 3  # per blur; each halves the error or more
+ROBUST = 0.08  # colour difference at which a pixel counts half: above sensor and fit noise
+ALPHA_GAIN = 0.6  # silhouettes beside colours: no shading error, but mask edges of half a pixel
+MIN_OWN = 0.35  # share of a pixel a part must have to speak for it
+OCCLUSION = 0.01  # of the diagonal: something this much nearer moves the edge, not the part behind it
+CORRELATION = 25.0  # pixels that share one error of a blurred image, for the standard deviations
+
+
+@dataclass
+class _System:
+    """Normal equations of one part."""
+
+    h: F64
+    g: F64
+    error: float = 0.0
+    count: float = 0.0
+
+
+def align(gaussians: tuple[Gaussians, Gaussians], labels: tuple[NDArray[np.int64], NDArray[np.int64]],
+          joints: list[Joint], views: tuple[SmallViews, SmallViews], diag: float) -> list[Joint]:
+    """Return the joints after direct alignment against both states' views.
+
+    Args:
+        gaussians: of both states.  labels: [N_s] part of every Gaussian, 0 = base.
+        joints: of parts 1..K, all relative to the base.
+        views: images of both states.
+        diag: diagonal of the object in scene units.
+    """
+    start = joints
+    for blur in BLURS:
+        for _ in range(STEPS):
+            systems = _systems(gaussians, labels, joints, views, diag, blur)
+            joints = [perturbed(j, _solve(s), diag) for j, s in zip(joints, systems, strict=True)]
+    joints = _judged(gaussians, labels, start, joints, views)
+    systems = _systems(gaussians, labels, joints, views, diag, BLURS[-1])
+    return [_with_sigma(j, s, diag) for j, s in zip(joints, systems, strict=True)]
+
+
+def _judged(gaussians: tuple[Gaussians, Gaussians], labels: tuple[NDArray[np.int64], NDArray[np.int64]],
+            start: list[Joint], end: list[Joint], views: tuple[SmallViews, SmallViews]) -> list[Joint]:
+    """Return, joint by joint, the end where the images prefer it to the start."""
+    def cost(joints: list[Joint]) -> float:
+        return both_cost(gaussians, labels, [np.eye(4), *(move_of(j) for j in joints)], views, (0.5, 0.5))
+
+    kept = list(end)
+    best = cost(kept)
+    for k, old in enumerate(start):
+        trial = [*kept[:k], old, *kept[k + 1:]]
+        value = cost(trial)
+        logger.info("align part %d: cost %.4f aligned, %.4f before", k + 1, best, value)
+        if value < best:
+            kept, best = trial, value
+    return kept
+
+
+def _solve(system: _System) -> F64:
+    # A direction that no pixel sees is held by the damping, not thrown about.
+    damping = 1e-3 * np.trace(system.h) / len(system.g) + 1e-9
+    step = np.linalg.solve(system.h + damping * np.eye(len(system.g)), system.g)
+    return np.asarray(step * min(1.0, 0.03 / max(float(np.abs(step).max()), 1e-12)))
+
+
+def _with_sigma(joint: Joint, system: _System, diag: float) -> Joint:
+    variance = system.error / max(system.count, 1.0) * CORRELATION
+    covariance = variance * np.linalg.pinv(system.h + 1e-9 * np.eye(len(system.g)))
+    sigma = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+    turning = joint.kind != "prismatic"
+    return replace(joint, sigma_axis=float(np.hypot(sigma[0], sigma[1])),
+                   sigma_value=float(sigma[2] * (1.0 if turning else diag)),
+                   sigma_origin=float(np.hypot(sigma[3], sigma[4]) * diag) if turning else float("nan"))
+
+
+def _systems(gaussians: tuple[Gaussians, Gaussians], labels: tuple[NDArray[np.int64], NDArray[np.int64]],
+             joints: list[Joint], views: tuple[SmallViews, SmallViews], diag: float, blur: float) -> list[_System]:
+    sizes = [len(parameters(j)) for j in joints]
+    systems = [_System(np.zeros((n, n)), np.zeros(n)) for n in sizes]
+    for target in (0, 1):
+        source = 1 - target
+        moves = [np.eye(4), *(_into(j, target) for j in joints)]
+        means, quats = move_gaussians(gaussians[source], labels[source], moves)
+        rates = [_rates(j, target, diag) for j in joints]
+        hot = np.eye(len(joints) + 1, dtype=np.float32)[labels[source]]
+        g = gaussians[source]
+        small = views[target]
+        for v in range(len(small.colors)):
+            height, width = small.alphas[v].shape
+            out = render(means, quats, g.scales, g.opacities, g.colors, small.viewmats[v], small.Ks[v], width, height,
+                         extra=hot)
+            _add_view(systems, rates, out.color, out.alpha, out.depth, out.extra, small, v, diag, blur)
+    return systems
+
+
+def _into(joint: Joint, target: int) -> F64:
+    move = move_of(joint)
+    return move if target else se3.inverse(move)
+
+
+def _rates(joint: Joint, target: int, diag: float) -> F64:
+    """Return [P, 4, 4]: velocity of a point of the target state per unit of each parameter."""
+    base = _into(joint, target)
+    step = 1e-5
+    count = len(parameters(joint))
+    return np.stack([(_into(perturbed(joint, step * np.eye(count)[i], diag), target) - base) @ se3.inverse(base) / step
+                     for i in range(count)])
+
+
+def _add_view(systems: list[_System], rates: list[F64], color: F32, alpha: F32, depth: F32, share: F32,
+              small: SmallViews, v: int, diag: float, blur: float) -> None:
+    def soft(image: F32) -> F32:
+        return cv2.GaussianBlur(image, (0, 0), blur)
+
+    drawn = soft(np.dstack([color, ALPHA_GAIN * alpha]).astype(np.float32))
+    photo = soft(np.dstack([small.colors[v], ALPHA_GAIN * small.alphas[v]]).astype(np.float32))
+    across = 0.5 * (np.roll(drawn, -1, 1) - np.roll(drawn, 1, 1))
+    down = 0.5 * (np.roll(drawn, -1, 0) - np.roll(drawn, 1, 0))
+    z = np.where(alpha > 0.05, depth / np.maximum(alpha, 0.05), 0.0).astype(np.float32)
+    cover = soft(alpha)
+    for k, system in enumerate(systems):
+        own = soft(np.ascontiguousarray(share[..., k + 1])) / np.maximum(cover, 0.02)
+        pixels = (own > MIN_OWN) & (cover > 0.1) & ~_hidden_edge(z, share[..., k + 1], diag)
+        pixels[:2] = pixels[-2:] = pixels[:, :2] = pixels[:, -2:] = False
+        if pixels.sum() > 20:
+            part_z = _spread_depth(z, share[..., k + 1])
+            _add_pixels(system, rates[k], np.nonzero(pixels), part_z, (across, down), photo - drawn, own, small, v)
+
+
+def _spread_depth(z: F32, own: F32) -> F32:
+    """Depth of the part, carried a few pixels over its rim where the blurred edge lies."""
+    inside = np.where((own > 0.5) & (z > 0), z, 0).astype(np.float32)
+    weight = (inside > 0).astype(np.float32)
+    return cv2.blur(inside, (7, 7)) / np.maximum(cv2.blur(weight, (7, 7)), 1e-6)
+
+
+def _hidden_edge(z: F32, own: F32, diag: float) -> NDArray[np.bool_]:
+    other = np.where((z > 0) & (own < 0.5), z, np.float32(1e9)).astype(np.float32)
+    nearest_other = cv2.erode(other, np.ones((5, 5), np.uint8))
+    return np.asarray((own >= 0.2) & (nearest_other < z - OCCLUSION * diag))
+
+
+def _add_pixels(system: _System, rates: F64, index: tuple[NDArray[np.intp], NDArray[np.intp]], z: F32,
+                gradients: tuple[F32, F32], difference: F32, own: F32, small: SmallViews, v: int) -> None:
+    rows, cols = index
+    K, camera_from_world = small.Ks[v], small.viewmats[v]
+    depth = np.maximum(z[index].astype(np.float64), 1e-6)
+    local = np.stack([(cols + 0.5 - K[0, 2]) / K[0, 0] * depth, (rows + 0.5 - K[1, 2]) / K[1, 1] * depth, depth], 1)
+    world = (local - camera_from_world[:3, 3]) @ camera_from_world[:3, :3]
+    columns = []
+    for rate in rates:
+        velocity = (world @ rate[:3, :3].T + rate[:3, 3]) @ camera_from_world[:3, :3].T
+        du = K[0, 0] * (velocity[:, 0] - local[:, 0] / depth * velocity[:, 2]) / depth
+        dv = K[1, 1] * (velocity[:, 1] - local[:, 1] / depth * velocity[:, 2]) / depth
+        # The picture moves with the part: what was at u - du comes to u.
+        columns.append(-(gradients[0][index] * du[:, None] + gradients[1][index] * dv[:, None]) * own[index][:, None])
+    jac = np.stack(columns, -1)
+    residual = difference[index].astype(np.float64)
+    # Light is fixed in the world: a turned face changes brightness as a whole, which is no motion.
+    residual[:, :3] -= np.median(residual[:, :3], 0)
+    jac[:, :3] -= jac[:, :3].mean(0)
+    weight = (1.0 / (1.0 + (residual / ROBUST) ** 2)) ** 2
+    system.h += np.einsum("ncp,ncq,nc->pq", jac, jac, weight)
+    system.g += np.einsum("ncp,nc->p", jac, weight * residual)
+    system.error += float((weight * residual**2).sum())
+    system.count += float(weight.sum())

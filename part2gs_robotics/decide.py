@@ -1,0 +1,158 @@
+"""Decision: how many parts move, judged by surfels and by images of both states together."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from part2gs_robotics.cross_render import both_cost
+from part2gs_robotics.joint_fit import move_of
+from part2gs_robotics.joints import Joint
+from part2gs_robotics.labelling import Unary, label, unary_costs
+from part2gs_robotics.landing import unclaimed
+from part2gs_robotics.motion_refine import refine
+from part2gs_robotics.motion_search import Hypothesis
+from part2gs_robotics.study import Study
+
+F64 = NDArray[np.float64]
+PART_PRICE = 0.008  # of cost per object pixel plus cost per surfel: what one more part must save
+POOL = 24  # hypotheses that compete; the search ranks true ones first
+MIN_SURFELS = 25  # in either state: less is the size of a floater
+MIN_MET = 0.5  # of the poorer state's surfels: a wrong motion that hides them meets fewer
+SHOWN = 5  # sets per step that are rendered
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """A set of motions with its labelling.
+
+    Attributes:
+        motions: K motions.  hard: [N0 + N1] surfel labels, 0 = static.
+        surfel_cost: labelling energy per surfel.  image_cost: cross-rendering cost per object pixel.
+        coherent: whether every motion carries its own surfels of one state onto those of the other.
+    """
+
+    motions: tuple[Hypothesis, ...]
+    hard: NDArray[np.int64]
+    surfel_cost: float
+    image_cost: float
+    coherent: bool = True
+
+    @property
+    def cost(self) -> float:
+        """Cost without the price of the parts; a part that is not one body is no part."""
+        return self.surfel_cost + self.image_cost + (0.0 if self.coherent else 1.0)
+
+
+class Judge:
+    """Scores sets of motions; landing costs of a motion are computed once."""
+
+    def __init__(self, study: Study) -> None:
+        self.study = study
+        self.lands = unclaimed(study.lands[0]), unclaimed(study.lands[1])
+        self._columns: dict[int, tuple[Hypothesis, Unary]] = {}
+        self.static = unary_costs([np.eye(4)], study.surfels, self.lands, study.tau)
+
+    def _column(self, h: Hypothesis) -> Unary:
+        if id(h) not in self._columns:  # the hypothesis is kept beside, so its id stays its own
+            self._columns[id(h)] = h, unary_costs([h.move], self.study.surfels, self.lands, self.study.tau)
+        return self._columns[id(h)][1]
+
+    def coherent(self, motions: list[Hypothesis], hard: NDArray[np.int64]) -> bool:
+        """Return whether every motion's surfels of the poorer state land on its own of the richer one."""
+        n0 = len(self.study.surfels[0])
+        for k, h in enumerate(motions):
+            own = np.flatnonzero(hard == k + 1)
+            zero, one = own[own < n0], own[own >= n0]
+            poorer = zero if len(zero) < len(one) else one
+            target = self._column(h).target[poorer, 0]
+            met = (target >= 0) & (hard[np.maximum(target, 0)] == k + 1)
+            if len(poorer) < MIN_SURFELS or met.mean() < MIN_MET:
+                return False
+        return True
+
+    def sort_out(self, motions: list[Hypothesis]) -> tuple[NDArray[np.int64], float]:
+        """Return the labelling of the surfels under the motions and its cost per surfel."""
+        columns = [self.static, *(self._column(h) for h in motions)]
+        unary = Unary(np.concatenate([c.match for c in columns], 1), np.concatenate([c.target for c in columns], 1),
+                      np.concatenate([c.miss for c in columns], 1))
+        hard, energy = label(unary, self.study.graph)
+        return hard, energy / len(hard)
+
+    def best_of(self, sets: list[list[Hypothesis]]) -> Verdict:
+        """Return the best verdict of several sets; only the best by surfels are shown to the images."""
+        ranked = sorted(((self.sort_out(s), s) for s in sets), key=lambda pair: pair[0][1])
+        return min((self.judge(s, known) for known, s in ranked[:SHOWN]), key=lambda v: v.cost)
+
+    def judge(self, motions: list[Hypothesis], known: tuple[NDArray[np.int64], float] | None = None) -> Verdict:
+        """Return the verdict on a set of motions (`known`: its labelling, if sorted out already)."""
+        hard, surfel_cost = known or self.sort_out(motions)
+        labels = self.study.gaussian_labels(hard)
+        image = both_cost(self.study.gaussians, labels, [np.eye(4), *(h.move for h in motions)], self.study.views,
+                          self.study.source_weight)
+        return Verdict(tuple(motions), hard, surfel_cost, image, self.coherent(motions, hard))
+
+    def costs(self, joints: list[Joint], hard: NDArray[np.int64]) -> F64:
+        """Return [N0 + N1, K+1] cost of every surfel under every part, given the labelling so far."""
+        moves = [np.eye(4), *(move_of(j) for j in joints)]
+        return unary_costs(moves, self.study.surfels, self.lands, self.study.tau).cost(np.eye(len(moves))[hard])
+
+    def confidence(self, verdict: Verdict, k: int) -> float:
+        """Return the share of motion k's surfels that no other label explains as well."""
+        columns = [self.static, *(self._column(h) for h in verdict.motions)]
+        own = verdict.hard == k + 1
+        costs = np.stack([c.cost(np.ones((len(own), 1)))[own, 0] for c in columns], 1)
+        rest = np.delete(costs, k + 1, 1).min(1)
+        return float((costs[:, k + 1] < rest - 0.05).mean()) if own.any() else 0.0  # 0.05: a colour step
+
+    def polished(self, verdict: Verdict) -> Verdict:
+        """Return the better of the verdict and the same with every motion refined on its own surfels."""
+        n0, tau = len(self.study.surfels[0]), self.study.tau
+        motions = list(verdict.motions)
+        best = verdict
+        for k, h in enumerate(verdict.motions):
+            own = (self.study.surfels[0].select(best.hard[:n0] == k + 1),
+                   self.study.surfels[1].select(best.hard[n0:] == k + 1))
+            trial = [*motions]
+            trial[k] = refine(h, own, self.lands, (1.3 * tau, tau, 0.7 * tau), 4)
+            new = self.judge(trial)
+            if new.cost < best.cost:
+                best, motions = new, trial
+        return best
+
+
+def decide(study: Study, pool: list[Hypothesis], parts: int | None, say: Callable[[str], None]) -> Verdict:
+    """Return the set of motions that pays: grown one by one, each step free to replace an earlier one.
+
+    Args:
+        study: both states.
+        pool: hypotheses.
+        parts: number of moving parts if known; then the price is not asked.
+        say: told every step.
+    """
+    judge = Judge(study)
+    best = judge.judge([])
+    say(f"nothing moves: cost {best.cost:.3f}")
+    while pool and (parts is None or len(best.motions) < parts):
+        grown = judge.polished(judge.best_of([[*best.motions, h] for h in pool]))
+        grown = _swap(judge, grown, pool) if len(grown.motions) > 1 else grown
+        gain = best.cost - grown.cost
+        say(f"{len(grown.motions)} parts: cost {grown.cost:.3f}, {gain:.3f} less")
+        if parts is None and gain < PART_PRICE:
+            break
+        best = grown
+    return best
+
+
+def _swap(judge: Judge, verdict: Verdict, pool: list[Hypothesis]) -> Verdict:
+    """Return the verdict after one earlier motion is replaced, if that helps."""
+    best = verdict
+    for k in range(len(verdict.motions) - 1):
+        rest = [h for j, h in enumerate(verdict.motions) if j != k]
+        trial = judge.best_of([[*rest, h] for h in pool])
+        if trial.cost < best.cost - 1e-3:
+            best = trial
+    return best if best is verdict else judge.polished(best)

@@ -1,0 +1,116 @@
+"""Joint parameters, and the choice between slide and turn by model selection."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from part2gs_robotics import se3
+from part2gs_robotics.joints import Joint
+from part2gs_robotics.landing import Landing, land
+from part2gs_robotics.motion_refine import matches, refine
+from part2gs_robotics.motion_search import Hypothesis
+from part2gs_robotics.surfels import Surfels
+
+F64 = NDArray[np.float64]
+CORRELATED = 20.0  # neighbouring surfels share their depth error: this many count as one
+OUTLIER = 9.0  # squared residual in sigmas beyond which a surfel is no evidence (3 sigma)
+FAR_HINGE = 0.3  # of the diagonal: a hinge line this far from its part is attached to nothing
+FAR_PRICE = 20.0  # twice a "very strong" BIC difference
+PARAMETERS = {"prismatic": 3, "revolute": 5}
+
+
+def move_of(joint: Joint) -> F64:
+    """Return the [4, 4] motion of a part from state 0 to state 1."""
+    return joint.transform(joint.value)
+
+
+def parameters(joint: Joint) -> F64:
+    """Return zeros, one per free parameter: two tilts, the value, and two offsets of a turning axis."""
+    return np.zeros(3 if joint.kind == "prismatic" else 5)
+
+
+def perturbed(joint: Joint, step: F64, diag: float) -> Joint:
+    """Return the joint moved by [P] (tilt, tilt in rad; value in rad or diagonals; offsets in diagonals)."""
+    side = np.linalg.svd(joint.axis[None])[2][1:]
+    axis = joint.axis + step[0] * side[0] + step[1] * side[1]
+    if joint.kind == "prismatic":
+        return replace(joint, axis=axis / np.linalg.norm(axis), value=joint.value + float(step[2]) * diag)
+    origin = joint.origin + diag * (step[3] * side[0] + step[4] * side[1])
+    return replace(joint, axis=axis / np.linalg.norm(axis), origin=origin, value=joint.value + float(step[2]))
+
+
+def choose_joint(h: Hypothesis, own: tuple[Surfels, Surfels], lands: tuple[Landing, Landing], tau: float,
+                 diag: float, confidence: float) -> Joint:
+    """Return the joint whose kind explains the part's surfels best for its number of parameters.
+
+    BIC with the noise measured in the scene; a hinge far from its part pays extra.
+    """
+    fits = {"revolute": _as_kind(h, 1, own, lands, tau), "prismatic": _as_kind(h, 0, own, lands, tau)}
+    sigma = min(_noise(f, own, lands, tau) for f in fits.values())
+    bic = {name: _bic(f, own, lands, tau, sigma, PARAMETERS[name]) for name, f in fits.items()}
+    points = np.concatenate([own[0].points, se3.apply(se3.inverse(h.move), own[1].points)])
+    turn = fits["revolute"]
+    arm = np.linalg.norm(np.cross(points - turn.origin, turn.axis), axis=1).min()
+    bic["revolute"] += FAR_PRICE if arm > FAR_HINGE * diag else 0.0
+    kind = min(bic, key=lambda name: bic[name])
+    return _joint(fits[kind], points.mean(0), bic, confidence)
+
+
+def _joint(h: Hypothesis, centre: F64, bic: dict[str, float], confidence: float) -> Joint:
+    axis, value = (h.axis, h.value) if h.value >= 0 else (-h.axis, -h.value)
+    origin = h.origin + axis * (axis @ (centre - h.origin)) if h.kind else centre
+    return Joint("revolute" if h.kind else "prismatic", axis, origin, value, bic=bic, confidence=confidence)
+
+
+def _as_kind(h: Hypothesis, kind: int, own: tuple[Surfels, Surfels], lands: tuple[Landing, Landing], tau: float
+             ) -> Hypothesis:
+    taus = (1.3 * tau, tau, 0.7 * tau)
+    if h.kind == kind:
+        return refine(h, own, lands, taus, 4)
+    centre = np.concatenate([own[0].points, se3.apply(se3.inverse(h.move), own[1].points)]).mean(0)
+    if kind == 0:
+        way = se3.apply(h.move, centre) - centre
+        length = float(np.linalg.norm(way))
+        start = Hypothesis(0, way / max(length, 1e-12), centre, length)
+        return refine(start, own, lands, taus, 4)
+    # A slide is a small turn about a far line: start from one that moves the centre alike.
+    tries = []
+    for side in np.linalg.svd(h.axis[None])[2][1:]:
+        for sign in (1.0, -1.0):
+            angle = 0.05  # rad; small enough to stay in the capture range of the fit
+            origin = centre + sign * np.cross(h.axis, side) * h.value / angle
+            axis = np.cross(centre - origin, h.axis * h.value)
+            start = Hypothesis(1, -axis / np.linalg.norm(axis), origin, -angle)
+            start = start if _cost(start, own, lands, tau) < _cost(_flip(start), own, lands, tau) else _flip(start)
+            tries.append(refine(start, own, lands, taus, 4))
+    return min(tries, key=lambda t: _cost(t, own, lands, tau))
+
+
+def _flip(h: Hypothesis) -> Hypothesis:
+    return Hypothesis(h.kind, h.axis, h.origin, -h.value)
+
+
+def _cost(h: Hypothesis, own: tuple[Surfels, Surfels], lands: tuple[Landing, Landing], tau: float) -> float:
+    zero, one = land(h.move, own[0], lands[1], tau)[0], land(se3.inverse(h.move), own[1], lands[0], tau)[0]
+    return float(zero.sum() + one.sum())
+
+
+def _residuals(h: Hypothesis, own: tuple[Surfels, Surfels], lands: tuple[Landing, Landing], tau: float) -> F64:
+    zero, _, one, normals = matches(h.move, own, lands, tau)
+    return np.asarray(((se3.apply(h.move, zero) - one) * normals).sum(1))
+
+
+def _noise(h: Hypothesis, own: tuple[Surfels, Surfels], lands: tuple[Landing, Landing], tau: float) -> float:
+    r = _residuals(h, own, lands, tau)
+    return float(1.4826 * np.median(np.abs(r)) + 1e-4 * tau) if len(r) else tau  # 1.4826: MAD to sigma
+
+
+def _bic(h: Hypothesis, own: tuple[Surfels, Surfels], lands: tuple[Landing, Landing], tau: float, sigma: float,
+         count: int) -> float:
+    r = _residuals(h, own, lands, tau)
+    total = len(own[0]) + len(own[1])
+    misfit = np.minimum((r / sigma) ** 2, OUTLIER).sum() + OUTLIER * (total - len(r))
+    return float(misfit / CORRELATED + count * np.log(max(total / CORRELATED, 2.0)))

@@ -1,0 +1,156 @@
+"""Labelling of surfels: which motion carries each, and which motions are needed at all."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from part2gs_robotics import se3
+from part2gs_robotics.landing import FREE_COST, Landing, land, unclaimed
+from part2gs_robotics.motion_refine import refine
+from part2gs_robotics.motion_search import Hypothesis
+from part2gs_robotics.surfels import Surfels
+
+F64 = NDArray[np.float64]
+NEIGHBORS = 10  # of the surfel graph: a full ring on a surface sampled by voxels
+SMOOTHNESS = 0.12  # per neighbour: ten neighbours outvote a neutral surfel, not a clear one
+NEUTRAL_COST = 0.3  # landing unobserved: a part is proven by contradictions it removes, not by what it hides
+FOREIGN_COST = 0.35  # a surfel met that another motion carries: two surfaces cannot both become it
+TEMPERATURES = (0.3, 0.2, 0.12, 0.07, 0.04)  # annealing of the mean field; costs are in 0..1
+SWEEPS = 4  # per temperature
+
+
+@dataclass(frozen=True)
+class Graph:
+    """Surfels of both states as one graph: neighbours [N, k] and weights [N, k] within a state."""
+
+    neighbors: NDArray[np.int64]
+    weights: F64
+
+
+def build_graph(states: tuple[Surfels, Surfels]) -> Graph:
+    """Return the normal-aware nearest-neighbour graph of both states, state 1 after state 0."""
+    ids, weights = [], []
+    offset = 0
+    for s in states:
+        count = min(NEIGHBORS + 1, len(s))
+        distance, index = cKDTree(s.points).query(s.points, count)
+        distance, index = distance[:, 1:], index[:, 1:]
+        cosine = (s.normals[index] * s.normals[:, None]).sum(-1)
+        reach = np.median(distance[:, -1]) + 1e-12
+        weights.append(np.exp(-(distance / (1.5 * reach)) ** 2) * (0.25 + 0.75 * np.clip(cosine, 0, 1)))
+        ids.append(index + offset)
+        offset += len(s)
+    return Graph(np.concatenate(ids), np.concatenate(weights))
+
+
+@numba.njit(cache=True, parallel=True)
+def _sweep(unary, q, neighbors, weights, smooth, temperature):  # type: ignore[no-untyped-def]
+    out = np.zeros_like(q)
+    labels = unary.shape[1]
+    for i in numba.prange(len(unary)):
+        cost = unary[i].copy()
+        for n in range(neighbors.shape[1]):
+            w = smooth * weights[i, n]
+            j = neighbors[i, n]
+            for k in range(labels):
+                cost[k] += w * (1.0 - q[j, k])
+        low = cost.min()
+        total = 0.0
+        for k in range(labels):
+            out[i, k] = np.exp(-(cost[k] - low) / temperature)
+            total += out[i, k]
+        for k in range(labels):
+            out[i, k] = 0.5 * out[i, k] / total + 0.5 * q[i, k]
+    return out
+
+
+@dataclass(frozen=True)
+class Unary:
+    """Landing of every surfel of both states under L motions (column 0 = static).
+
+    Attributes:
+        match: [N, L] cost of the surfel met.  target: [N, L] that surfel's row, -1 = none met.
+        miss: [N, L] cost of meeting nothing there (free or hidden).
+    """
+
+    match: F64
+    target: NDArray[np.int64]
+    miss: F64
+
+    def cost(self, q: F64) -> F64:
+        """Return [N, L] costs given soft labels: a surface carried by another part is no match."""
+        owned = np.take_along_axis(q, np.maximum(self.target, 0), 0)
+        met = np.minimum(self.match + FOREIGN_COST * (1.0 - owned), np.maximum(self.miss, FOREIGN_COST))
+        return np.where(self.target >= 0, met, self.miss)
+
+    def without(self, column: int) -> Unary:
+        """Return the same with one motion left out."""
+        return Unary(*(np.delete(a, column, 1) for a in (self.match, self.target, self.miss)))
+
+
+def unary_costs(moves: list[F64], states: tuple[Surfels, Surfels], lands: tuple[Landing, Landing], tau: float) -> Unary:
+    """Return how every surfel lands in the other state under every motion."""
+    n0 = len(states[0])
+    columns: list[tuple[F64, NDArray[np.int64], F64]] = []
+    for move in moves:
+        zero, one = land(move, states[0], lands[1], tau), land(se3.inverse(move), states[1], lands[0], tau)
+        target = np.concatenate([np.where(zero[1] >= 0, zero[1] + n0, -1), one[1]])
+        columns.append((np.concatenate([zero[0], one[0]]), target, np.concatenate([zero[2], one[2]])))
+    match, index, miss = (np.stack([c[i] for c in columns], 1) for i in range(3))
+    return Unary(match, index, np.where(miss == FREE_COST, miss, NEUTRAL_COST))
+
+
+def label(unary: Unary, graph: Graph) -> tuple[NDArray[np.int64], float]:
+    """Return hard labels [N] and their energy by annealed mean field."""
+    free = np.where(unary.target >= 0, unary.match, unary.miss)
+    q = np.exp(-free / TEMPERATURES[0])
+    q /= q.sum(1, keepdims=True)
+    for temperature in TEMPERATURES:
+        cost = unary.cost(q)
+        for _ in range(SWEEPS):
+            q = _sweep(cost, q, graph.neighbors, graph.weights, SMOOTHNESS, temperature)
+    hard = q.argmax(1)
+    cost = unary.cost(np.eye(q.shape[1])[hard])
+    differ = hard[graph.neighbors] != hard[:, None]
+    energy = cost[np.arange(len(hard)), hard].sum() + SMOOTHNESS * (graph.weights * differ).sum()
+    return hard, float(energy)
+
+
+def prune(found: list[Hypothesis], states: tuple[Surfels, Surfels], lands: tuple[Landing, Landing], tau: float,
+          price: float) -> tuple[list[Hypothesis], NDArray[np.int64], list[float]]:
+    """Drop motions the labelling does without for less than `price`, refine the others.
+
+    Returns:
+        The motions kept, labels [N0 + N1] (0 = static, k = motion k - 1) and what each motion saves.
+    """
+    graph = build_graph(states)
+    lands = unclaimed(lands[0]), unclaimed(lands[1])
+    kept = list(found)
+    while True:
+        kept, hard, energy, unary = _polish(kept, states, lands, tau, graph)
+        saves = [label(unary.without(k + 1), graph)[1] - energy for k in range(len(kept))]
+        if not kept or min(saves) >= price:
+            return kept, hard, saves
+        kept.pop(int(np.argmin(saves)))
+
+
+def _polish(kept: list[Hypothesis], states: tuple[Surfels, Surfels], lands: tuple[Landing, Landing], tau: float,
+            graph: Graph) -> tuple[list[Hypothesis], NDArray[np.int64], float, Unary]:
+    """Label, refine every motion on its own surfels where that lowers their cost, label again."""
+    unary = unary_costs([np.eye(4), *(h.move for h in kept)], states, lands, tau)
+    hard, energy = label(unary, graph)
+    n0 = len(states[0])
+    better = []
+    for k, h in enumerate(kept):
+        own = states[0].select(hard[:n0] == k + 1), states[1].select(hard[n0:] == k + 1)
+        new = refine(h, own, lands, (1.3 * tau, tau, 0.7 * tau), 4) if len(own[0]) + len(own[1]) else h
+        costs = [unary_costs([g.move], own, lands, tau).match.sum() for g in (h, new)]
+        better.append(new if costs[1] < costs[0] else h)
+    unary = unary_costs([np.eye(4), *(h.move for h in better)], states, lands, tau)
+    hard, energy = label(unary, graph)
+    return better, hard, energy, unary

@@ -1,0 +1,158 @@
+"""Choice of the motions that together explain the evidence, one part each."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from part2gs_robotics import se3
+from part2gs_robotics.landing import Landing, land
+from part2gs_robotics.motion_refine import refine
+from part2gs_robotics.motion_search import Hypothesis, directions, search_patch
+from part2gs_robotics.surfels import Surfels
+
+F64 = NDArray[np.float64]
+NULL_COST = 0.5  # an evidence point that no motion explains; just above HIDDEN_COST
+PATCH_RADIUS = 0.10  # of the diagonal: smaller than a drawer front, larger than a knob
+PATCH_POINTS = 80  # enough to rank 1e5 hypotheses, few enough to do it in a second
+LEAST_MOTION = 0.35  # trust lost per diagonal of way: a door swapped with its neighbour fits as well
+SEARCH_TAU = 0.04  # of the diagonal: the capture range of the coarse grid
+FINE_TAU = 0.015  # of the diagonal: twice the noise of fused depth
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """Surfels that the other state saw free: vacated (state 0) and arrived (state 1)."""
+
+    vacated: Surfels
+    arrived: Surfels
+
+    @property
+    def sets(self) -> tuple[Surfels, Surfels]:
+        """Both sets, by state."""
+        return self.vacated, self.arrived
+
+
+def farthest(points: F64, count: int, rng: np.random.Generator) -> list[int]:
+    """Return indices of up to `count` points that spread over the set."""
+    index = [int(rng.integers(len(points)))]
+    gap = np.full(len(points), np.inf)
+    for _ in range(min(count, len(points)) - 1):
+        gap = np.minimum(gap, ((points - points[index[-1]]) ** 2).sum(1))
+        index.append(int(gap.argmax()))
+    return index
+
+
+def propose(evidence: Evidence, lands: tuple[Landing, Landing], box: tuple[F64, F64], seeds: tuple[int, int],
+            rng: np.random.Generator) -> list[Hypothesis]:
+    """Return refined hypotheses of patches spread over the evidence of both states."""
+    diag = float(np.linalg.norm(box[1] - box[0]))
+    found: list[Hypothesis] = []
+    for state in (1, 0):
+        surfels = evidence.sets[state]
+        if len(surfels) < 20:
+            continue
+        for i in farthest(surfels.points, seeds[state], rng):
+            near = np.flatnonzero(((surfels.points - surfels.points[i]) ** 2).sum(1) < (PATCH_RADIUS * diag) ** 2)
+            if len(near) < 15:
+                continue
+            patch = surfels.select(rng.permutation(near)[:PATCH_POINTS])
+            axes = directions(lands[0].surfels, patch, rng)
+            ranked = search_patch(patch, lands[1 - state], axes, box, SEARCH_TAU * diag, state == 0)
+            local = surfels.select(rng.permutation(near)[:400])
+            empty = surfels.select(np.zeros(0, np.int64))
+            sets = (local, empty) if state == 0 else (empty, local)
+            for _, guess in _spread(ranked, 8, patch.points, state):
+                found.append(refine(guess, sets, lands, (SEARCH_TAU * diag, 0.02 * diag), 3))
+    return found
+
+
+def _spread(ranked: list[tuple[float, Hypothesis]], count: int, points: F64, state: int
+            ) -> list[tuple[float, Hypothesis]]:
+    """Best hypotheses that move the patch to different places."""
+    out: list[tuple[float, Hypothesis]] = []
+    places: list[F64] = []
+    size = float(np.linalg.norm(np.ptp(points, axis=0)))
+    for cost, h in ranked:
+        moved = se3.apply(h.move if state == 0 else se3.inverse(h.move), points)
+        if all(np.abs(moved - p).max() > 0.25 * size for p in places):
+            out.append((cost, h))
+            places.append(moved)
+        if len(out) == count:
+            break
+    return out
+
+
+def explained(h: Hypothesis, evidence: Evidence, lands: tuple[Landing, Landing], tau: float) -> tuple[F64, F64]:
+    """Return what a motion saves per vacated and per arrived surfel, each >= 0."""
+    zero, _, _ = land(h.move, evidence.vacated, lands[1], tau)
+    one, _, _ = land(se3.inverse(h.move), evidence.arrived, lands[0], tau)
+    return np.maximum(NULL_COST - zero, 0), np.maximum(NULL_COST - one, 0)
+
+
+def saved_matrix(found: list[Hypothesis], evidence: Evidence, lands: tuple[Landing, Landing], diag: float) -> F64:
+    """Return [H, n] what every motion saves per evidence surfel; long ways are believed a little less."""
+    rows = []
+    for h in found:
+        zero, one = explained(h, evidence, lands, FINE_TAU * diag)
+        way0 = np.linalg.norm(se3.apply(h.move, evidence.vacated.points) - evidence.vacated.points, axis=1)
+        back = se3.inverse(h.move)
+        way1 = np.linalg.norm(se3.apply(back, evidence.arrived.points) - evidence.arrived.points, axis=1)
+        trust = np.maximum(0.0, 1.0 - LEAST_MOTION / diag * np.concatenate([way0, way1]))
+        rows.append(np.concatenate([zero, one]) * trust)
+    return np.array(rows)
+
+
+def cover(saved: F64, price: float) -> list[int]:
+    """Return the rows whose best-of saves most, each row costing `price`: add, drop and swap until none helps."""
+    chosen: list[int] = []
+    best = 0.0
+
+    def value(rows: list[int]) -> float:
+        return (float(saved[rows].max(0).sum()) if rows else 0.0) - price * len(rows)
+
+    while True:
+        bases = [chosen, *([c for c in chosen if c != d] for d in chosen)]
+        trials: list[tuple[float, list[int]]] = [(value(b), b) for b in bases[1:]]
+        for base in bases:
+            floor = saved[base].max(0) if base else np.zeros(saved.shape[1])
+            gains = np.maximum(saved, floor).sum(1) - price * (len(base) + 1)
+            j = int(gains.argmax())
+            trials.append((float(gains[j]), [*base, j]))
+        score, rows = max(trials, key=lambda pair: pair[0])
+        if score <= best + 1e-9:
+            return chosen
+        best, chosen = score, rows
+
+
+def choose(found: list[Hypothesis], evidence: Evidence, lands: tuple[Landing, Landing], diag: float,
+           price: float, rounds: int = 3) -> list[tuple[Hypothesis, float]]:
+    """Return the chosen motions with the cost of doing without each.
+
+    Facility location over the hypotheses; the chosen ones are refined on what they explain and
+    compete again, so that a polished motion replaces its own rough copies.
+    """
+    pool = list(found)
+    saved = saved_matrix(pool, evidence, lands, diag)
+    for _ in range(rounds):
+        fresh = []
+        for c, own in _owners(saved, cover(saved, price)):
+            fresh.append(refine(pool[c], _subset(evidence, own), lands, (0.02 * diag, FINE_TAU * diag, 0.01 * diag), 4))
+        pool += fresh
+        saved = np.concatenate([saved, saved_matrix(fresh, evidence, lands, diag)]) if fresh else saved
+    rows = cover(saved, price)
+    total = saved[rows].max(0).sum() if rows else 0.0
+    return [(pool[c], float(total - (saved[[r for r in rows if r != c]].max(0).sum() if len(rows) > 1 else 0.0)))
+            for c in rows]
+
+
+def _owners(saved: F64, rows: list[int]) -> list[tuple[int, NDArray[np.bool_]]]:
+    best = saved[rows].max(0) if rows else np.zeros(saved.shape[1])
+    return [(c, (saved[c] >= best - 1e-12) & (saved[c] > 0.05)) for c in rows]
+
+
+def _subset(evidence: Evidence, own: NDArray[np.bool_]) -> tuple[Surfels, Surfels]:
+    n0 = len(evidence.vacated)
+    return evidence.vacated.select(own[:n0]), evidence.arrived.select(own[n0:])

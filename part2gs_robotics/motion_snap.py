@@ -1,0 +1,77 @@
+"""Snapping: made things move along their own faces; a weakly seen axis is tried on them too.
+
+Drawers of one cabinet share their direction: along every direction found, the distances that
+together explain most are tried as well.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from part2gs_robotics import se3
+from part2gs_robotics.motion_search import SLIDE_STEP, Hypothesis, directions
+from part2gs_robotics.motion_select import cover, saved_matrix
+from part2gs_robotics.study import Study
+
+F64 = NDArray[np.float64]
+SLIDE_SNAP = np.deg2rad(40.0)  # a drawer front sliding over itself leaves its direction nearly free
+TURN_SNAP = np.deg2rad(12.0)  # a hinge seen through a whole door is off by less
+LONGEST_SLIDE = 0.5  # of the diagonal: a drawer is not longer than its cabinet
+MAX_FAMILIES = 3  # directions: a cabinet has one, space has three
+SAME_MOTION = 0.004  # of the diagonal: half a grid step, within the reach of refinement
+
+
+def snapped(found: list[Hypothesis], study: Study, rng: np.random.Generator) -> list[Hypothesis]:
+    """Return every motion turned onto each nearby dominant direction.
+
+    Args:
+        found: motions.
+        study: supplies the dominant directions of the object.
+        rng: of the direction search.
+    """
+    sample = study.surfels[0]
+    axes = directions(sample, sample.select(rng.permutation(len(sample))[:200]), rng)
+    out: list[Hypothesis] = []
+    for h in found:
+        limit = TURN_SNAP if h.kind else SLIDE_SNAP
+        for axis in axes:
+            cosine = float(axis @ h.axis)
+            if np.cos(limit) < abs(cosine) < 1 - 1e-7:
+                out.append(Hypothesis(h.kind, axis * np.sign(cosine), h.origin, h.value * abs(cosine)))
+    return out
+
+
+def slide_families(found: list[Hypothesis], study: Study, price: float) -> list[Hypothesis]:
+    """Return slides along the directions of `found` whose distances together explain most.
+
+    Args:
+        found: motions; only the slides' directions are used.
+        study: evidence and landing grids.
+        price: evidence one more distance must explain, see `cover`.
+    """
+    axes: list[F64] = []
+    for h in found:
+        if h.kind == 0 and all(abs(h.axis @ a) < np.cos(np.deg2rad(8.0)) for a in axes):
+            axes.append(h.axis)
+    axes = axes[:MAX_FAMILIES]
+    steps = np.arange(2, LONGEST_SLIDE / SLIDE_STEP) * SLIDE_STEP * study.diag
+    out: list[Hypothesis] = []
+    for axis in axes:
+        line = [Hypothesis(0, axis, study.box[0], float(s * v)) for v in steps for s in (1, -1)]
+        out += [line[c] for c in cover(saved_matrix(line, study.evidence, study.lands, study.diag), price)]
+    return out
+
+
+def distinct(found: list[Hypothesis], study: Study) -> list[Hypothesis]:
+    """Return the motions without those that move the object like an earlier one."""
+    lo, hi = study.box
+    corners = np.stack(np.meshgrid(*zip(lo, hi, strict=True), indexing="ij"), -1).reshape(-1, 3)
+    out: list[Hypothesis] = []
+    places: list[F64] = []
+    for h in found:
+        moved = se3.apply(h.move, corners)
+        if all(np.abs(moved - p).max() > SAME_MOTION * study.diag for p in places):
+            out.append(h)
+            places.append(moved)
+    return out

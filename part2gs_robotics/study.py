@@ -1,0 +1,95 @@
+"""Study: everything the motion search looks at, gathered once."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from part2gs_robotics.cross_render import SmallViews, small_views
+from part2gs_robotics.evidence import DepthMaps, observe, render_depth_maps
+from part2gs_robotics.gaussians import Gaussians
+from part2gs_robotics.labelling import Graph, build_graph
+from part2gs_robotics.landing import Landing, build_landing
+from part2gs_robotics.motion_select import FINE_TAU, Evidence
+from part2gs_robotics.scene import Scene
+from part2gs_robotics.surfels import Surfels, fuse_surfels
+
+F64 = NDArray[np.float64]
+SURFEL_VOXEL = 0.01  # of the diagonal: about 15,000 surfels a state, a labelling in 0.1 s
+SELF_TOLERANCE = 0.012  # of the diagonal: a surfel its own state sees past is a floater
+FREE_TOLERANCE = 0.015  # of the diagonal: above the depth error of four pixels out of five
+MIN_VIEWS = 3  # votes needed to call a place free or occupied
+PROOF_VIEWS = 12  # per state, spread: every side is seen by several
+PROOF_SIDE = 128  # pixels: 5 ms a render, parts of 2 % of the diagonal still visible
+
+
+@dataclass(frozen=True)
+class Study:
+    """Two states as surfels, landing grids, evidence and small views.
+
+    Attributes:
+        gaussians: of both states.  surfels: of both states.  lands: landing grids of both states.
+        evidence: vacated and arrived surfels.  graph: of all surfels, state 1 after state 0.
+        nearest: per state, [N_s] the surfel nearest to every Gaussian.
+        views: small views of both states.  box: corners of the object.  diag: its diagonal.
+    """
+
+    gaussians: tuple[Gaussians, Gaussians]
+    maps: tuple[DepthMaps, DepthMaps]
+    surfels: tuple[Surfels, Surfels]
+    lands: tuple[Landing, Landing]
+    evidence: Evidence
+    graph: Graph
+    nearest: tuple[NDArray[np.int64], NDArray[np.int64]]
+    views: tuple[SmallViews, SmallViews]
+    box: tuple[F64, F64]
+    diag: float
+
+    @property
+    def source_weight(self) -> tuple[float, float]:
+        """Share of each state in the evidence of motion: the richer one shows more of the parts."""
+        vacated, arrived = len(self.evidence.vacated), len(self.evidence.arrived)
+        share = vacated / max(vacated + arrived, 1)
+        return share, 1.0 - share
+
+    @property
+    def tau(self) -> float:
+        """Matching distance in scene units."""
+        return FINE_TAU * self.diag
+
+    def gaussian_labels(self, hard: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """Return per-state labels of the Gaussians from labels of all surfels."""
+        n0 = len(self.surfels[0])
+        return hard[:n0][self.nearest[0]], hard[n0:][self.nearest[1]]
+
+
+def gather(scene: Scene, gaussians: tuple[Gaussians, Gaussians]) -> Study:
+    """Return the study of two fitted states."""
+    maps = render_depth_maps(gaussians[0], scene.states[0]), render_depth_maps(gaussians[1], scene.states[1])
+    solid = np.concatenate([g.means[g.opacities > 0.5] for g in gaussians]).astype(np.float64)
+    rough = float(np.linalg.norm(np.quantile(solid, 0.998, axis=0) - np.quantile(solid, 0.002, axis=0)))
+    surfels = [_own_surface(maps[s], scene.states[s].images, rough) for s in (0, 1)]
+    points = np.concatenate([s.points for s in surfels])
+    lo, hi = points.min(0), points.max(0)
+    diag = float(np.linalg.norm(hi - lo))
+    lands, moved = [], []
+    for s in (0, 1):
+        seen = observe(surfels[s].points, maps[1 - s], FREE_TOLERANCE * diag)
+        moved.append(surfels[s].select((seen.free >= MIN_VIEWS) & (seen.free > 2 * seen.surface)))
+        claimed = ((seen.surface >= MIN_VIEWS) & (seen.surface > 2 * seen.free)).astype(np.float64)
+        lands.append(build_landing(surfels[s], claimed, maps[s], lo - 0.05 * diag, hi + 0.05 * diag,
+                                   SURFEL_VOXEL * diag, 0.05 * diag))
+    nearest = [np.asarray(cKDTree(surfels[s].points).query(gaussians[s].means)[1], np.int64) for s in (0, 1)]
+    views = [small_views(state, PROOF_VIEWS, PROOF_SIDE) for state in scene.states]
+    pair = surfels[0], surfels[1]
+    return Study(gaussians, maps, pair, (lands[0], lands[1]), Evidence(moved[0], moved[1]), build_graph(pair),
+                 (nearest[0], nearest[1]), (views[0], views[1]), (lo, hi), diag)
+
+
+def _own_surface(maps: DepthMaps, images: NDArray[np.uint8], diag: float) -> Surfels:
+    surfels = fuse_surfels(maps, images, SURFEL_VOXEL * diag, min_views=MIN_VIEWS)
+    seen = observe(surfels.points, maps, SELF_TOLERANCE * diag)
+    return surfels.select((seen.surface > MIN_VIEWS) & (seen.free < 0.5 * seen.surface))
