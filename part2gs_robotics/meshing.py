@@ -21,6 +21,7 @@ from part2gs_robotics.part_solids import (
     cavity,
     clear_cavity,
     keep_large,
+    mended,
     moving_solid,
     without_fins,
     without_voids,
@@ -37,7 +38,7 @@ MARGIN = TRUNCATION + 2.0  # voxels around a part: its distances fade to the tru
 SOLID_OPACITY = 0.3  # fainter Gaussians are haze, no surface
 CROSSING = 0.1  # share of a part; two moving parts that overlap more really cross on their ways
 BASE_BONUS = np.float32(0.5)  # a base surface stands still and is seen twice: it wins a tie
-STEP = 1.5  # voxels between poses of a sweep: less than the thinnest part, none is jumped over
+STEP = 1.0  # voxels between poses of a sweep: wider steps leave combs in what is carved
 COLOR_NEIGHBORS = 4  # nearest Gaussians blended into a vertex colour
 SEEN = 1.5  # voxels between a vertex and a first surface for the vertex to count as observed
 
@@ -136,7 +137,7 @@ def build_solids(place: _Place, maps: list[PartMaps], grid: Grid,
         evidence.append(fuse(window, k, states, TRUNCATION * grid.voxel))
         solids.append(moving_solid(evidence[k]) if k else keep_large(base_solid(evidence[k])))
     for k in range(1, place.count):
-        solids[k] = _yield_to_base(solids, evidence, k, place)
+        solids[k] = mended(solids[k], _yield_to_base(solids, evidence, k, place), evidence[k])
         for j in range(1, k):
             solids[k] = _yield_to(solids[k], solids[j], k, j, place, clearance)
         solids[k] = without_voids(keep_large(solids[k]))

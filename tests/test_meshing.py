@@ -115,7 +115,8 @@ def test_volumes_are_the_closed_forms(chest):
     base, lid = (to_manifold(p.mesh).volume() for p in chest)
     # The base gives way to the lid by the clearance of one voxel, over its whole top.
     assert base == pytest.approx(0.4 * 0.5 * (0.25 - voxel), rel=0.05)
-    assert lid == pytest.approx(0.4 * 0.5 * 0.05, rel=0.06)
+    # The lid is five voxels thick; where the two touch it may lose half of one.
+    assert lid == pytest.approx(0.4 * 0.5 * 0.05, rel=0.10)
 
 
 def test_parts_are_apart_in_both_states_and_on_the_way(chest):
