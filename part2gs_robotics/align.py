@@ -26,10 +26,12 @@ F64 = NDArray[np.float64]
 F32 = NDArray[np.float32]
 BLURS = (2.5, 1.5, 1.0, 0.7)  # pixels: wide catches large errors, narrow decides
 STEPS = 3  # per blur; each halves the error or more
-ROBUST = 0.08  # colour difference at which a pixel counts half: above sensor and fit noise
+ROBUST = (0.10, 0.08, 0.05, 0.03)  # per blur: colour difference at which a pixel counts a quarter
 ALPHA_GAIN = 0.6  # silhouettes beside colours: no shading error, but mask edges of half a pixel
 MIN_OWN = 0.35  # share of a pixel a part must have to speak for it
-OCCLUSION = 0.01  # of the diagonal: something this much nearer moves the edge, not the part behind it
+OCCLUSION = (
+    0.01  # of the diagonal: something this much nearer moves the edge, not the part behind it
+)
 CORRELATION = 25.0  # pixels that share one error of a blurred image, for the standard deviations
 
 
@@ -43,8 +45,13 @@ class _System:
     count: float = 0.0
 
 
-def align(gaussians: tuple[Gaussians, Gaussians], labels: tuple[NDArray[np.int64], NDArray[np.int64]],
-          joints: list[Joint], views: tuple[SmallViews, SmallViews], diag: float) -> list[Joint]:
+def align(
+    gaussians: tuple[Gaussians, Gaussians],
+    labels: tuple[NDArray[np.int64], NDArray[np.int64]],
+    joints: list[Joint],
+    views: tuple[SmallViews, SmallViews],
+    diag: float,
+) -> list[Joint]:
     """Return the joints after direct alignment against both states' views.
 
     Args:
@@ -63,16 +70,24 @@ def align(gaussians: tuple[Gaussians, Gaussians], labels: tuple[NDArray[np.int64
     return [_with_sigma(j, s, diag) for j, s in zip(joints, systems, strict=True)]
 
 
-def _judged(gaussians: tuple[Gaussians, Gaussians], labels: tuple[NDArray[np.int64], NDArray[np.int64]],
-            start: list[Joint], end: list[Joint], views: tuple[SmallViews, SmallViews]) -> list[Joint]:
+def _judged(
+    gaussians: tuple[Gaussians, Gaussians],
+    labels: tuple[NDArray[np.int64], NDArray[np.int64]],
+    start: list[Joint],
+    end: list[Joint],
+    views: tuple[SmallViews, SmallViews],
+) -> list[Joint]:
     """Return, joint by joint, the end where the images prefer it to the start."""
+
     def cost(joints: list[Joint]) -> float:
-        return both_cost(gaussians, labels, [np.eye(4), *(move_of(j) for j in joints)], views, (0.5, 0.5))
+        return both_cost(
+            gaussians, labels, [np.eye(4), *(move_of(j) for j in joints)], views, (0.5, 0.5)
+        )
 
     kept = list(end)
     best = cost(kept)
     for k, old in enumerate(start):
-        trial = [*kept[:k], old, *kept[k + 1:]]
+        trial = [*kept[:k], old, *kept[k + 1 :]]
         value = cost(trial)
         logger.info("align part %d: cost %.4f aligned, %.4f before", k + 1, best, value)
         if value < best:
@@ -92,13 +107,22 @@ def _with_sigma(joint: Joint, system: _System, diag: float) -> Joint:
     covariance = variance * np.linalg.pinv(system.h + 1e-9 * np.eye(len(system.g)))
     sigma = np.sqrt(np.maximum(np.diag(covariance), 0.0))
     turning = joint.kind != "prismatic"
-    return replace(joint, sigma_axis=float(np.hypot(sigma[0], sigma[1])),
-                   sigma_value=float(sigma[2] * (1.0 if turning else diag)),
-                   sigma_origin=float(np.hypot(sigma[3], sigma[4]) * diag) if turning else float("nan"))
+    return replace(
+        joint,
+        sigma_axis=float(np.hypot(sigma[0], sigma[1])),
+        sigma_value=float(sigma[2] * (1.0 if turning else diag)),
+        sigma_origin=float(np.hypot(sigma[3], sigma[4]) * diag) if turning else float("nan"),
+    )
 
 
-def _systems(gaussians: tuple[Gaussians, Gaussians], labels: tuple[NDArray[np.int64], NDArray[np.int64]],
-             joints: list[Joint], views: tuple[SmallViews, SmallViews], diag: float, blur: float) -> list[_System]:
+def _systems(
+    gaussians: tuple[Gaussians, Gaussians],
+    labels: tuple[NDArray[np.int64], NDArray[np.int64]],
+    joints: list[Joint],
+    views: tuple[SmallViews, SmallViews],
+    diag: float,
+    blur: float,
+) -> list[_System]:
     sizes = [len(parameters(j)) for j in joints]
     systems = [_System(np.zeros((n, n)), np.zeros(n)) for n in sizes]
     for target in (0, 1):
@@ -111,9 +135,21 @@ def _systems(gaussians: tuple[Gaussians, Gaussians], labels: tuple[NDArray[np.in
         small = views[target]
         for v in range(len(small.colors)):
             height, width = small.alphas[v].shape
-            out = render(means, quats, g.scales, g.opacities, g.colors, small.viewmats[v], small.Ks[v], width, height,
-                         extra=hot)
-            _add_view(systems, rates, out.color, out.alpha, out.depth, out.extra, small, v, diag, blur)
+            out = render(
+                means,
+                quats,
+                g.scales,
+                g.opacities,
+                g.colors,
+                small.viewmats[v],
+                small.Ks[v],
+                width,
+                height,
+                extra=hot,
+            )
+            _add_view(
+                systems, rates, out.color, out.alpha, out.depth, out.extra, small, v, diag, blur
+            )
     return systems
 
 
@@ -127,12 +163,28 @@ def _rates(joint: Joint, target: int, diag: float) -> F64:
     base = _into(joint, target)
     step = 1e-5
     count = len(parameters(joint))
-    return np.stack([(_into(perturbed(joint, step * np.eye(count)[i], diag), target) - base) @ se3.inverse(base) / step
-                     for i in range(count)])
+    return np.stack(
+        [
+            (_into(perturbed(joint, step * np.eye(count)[i], diag), target) - base)
+            @ se3.inverse(base)
+            / step
+            for i in range(count)
+        ]
+    )
 
 
-def _add_view(systems: list[_System], rates: list[F64], color: F32, alpha: F32, depth: F32, share: F32,
-              small: SmallViews, v: int, diag: float, blur: float) -> None:
+def _add_view(
+    systems: list[_System],
+    rates: list[F64],
+    color: F32,
+    alpha: F32,
+    depth: F32,
+    share: F32,
+    small: SmallViews,
+    v: int,
+    diag: float,
+    blur: float,
+) -> None:
     def soft(image: F32) -> F32:
         return cv2.GaussianBlur(image, (0, 0), blur)
 
@@ -146,9 +198,21 @@ def _add_view(systems: list[_System], rates: list[F64], color: F32, alpha: F32, 
         own = soft(np.ascontiguousarray(share[..., k + 1])) / np.maximum(cover, 0.02)
         pixels = (own > MIN_OWN) & (cover > 0.1) & ~_hidden_edge(z, share[..., k + 1], diag)
         pixels[:2] = pixels[-2:] = pixels[:, :2] = pixels[:, -2:] = False
+        part_z = _spread_depth(z, share[..., k + 1])
+        pixels &= part_z > 0
         if pixels.sum() > 20:
-            part_z = _spread_depth(z, share[..., k + 1])
-            _add_pixels(system, rates[k], np.nonzero(pixels), part_z, (across, down), photo - drawn, own, small, v)
+            _add_pixels(
+                system,
+                rates[k],
+                np.nonzero(pixels),
+                part_z,
+                (across, down),
+                photo - drawn,
+                own,
+                small,
+                v,
+                ROBUST[BLURS.index(blur)],
+            )
 
 
 def _spread_depth(z: F32, own: F32) -> F32:
@@ -164,12 +228,25 @@ def _hidden_edge(z: F32, own: F32, diag: float) -> NDArray[np.bool_]:
     return np.asarray((own >= 0.2) & (nearest_other < z - OCCLUSION * diag))
 
 
-def _add_pixels(system: _System, rates: F64, index: tuple[NDArray[np.intp], NDArray[np.intp]], z: F32,
-                gradients: tuple[F32, F32], difference: F32, own: F32, small: SmallViews, v: int) -> None:
+def _add_pixels(
+    system: _System,
+    rates: F64,
+    index: tuple[NDArray[np.intp], NDArray[np.intp]],
+    z: F32,
+    gradients: tuple[F32, F32],
+    difference: F32,
+    own: F32,
+    small: SmallViews,
+    v: int,
+    robust: float,
+) -> None:
     rows, cols = index
     K, camera_from_world = small.Ks[v], small.viewmats[v]
     depth = np.maximum(z[index].astype(np.float64), 1e-6)
-    local = np.stack([(cols + 0.5 - K[0, 2]) / K[0, 0] * depth, (rows + 0.5 - K[1, 2]) / K[1, 1] * depth, depth], 1)
+    local = np.stack(
+        [(cols + 0.5 - K[0, 2]) / K[0, 0] * depth, (rows + 0.5 - K[1, 2]) / K[1, 1] * depth, depth],
+        1,
+    )
     world = (local - camera_from_world[:3, 3]) @ camera_from_world[:3, :3]
     columns = []
     for rate in rates:
@@ -177,13 +254,16 @@ def _add_pixels(system: _System, rates: F64, index: tuple[NDArray[np.intp], NDAr
         du = K[0, 0] * (velocity[:, 0] - local[:, 0] / depth * velocity[:, 2]) / depth
         dv = K[1, 1] * (velocity[:, 1] - local[:, 1] / depth * velocity[:, 2]) / depth
         # The picture moves with the part: what was at u - du comes to u.
-        columns.append(-(gradients[0][index] * du[:, None] + gradients[1][index] * dv[:, None]) * own[index][:, None])
+        columns.append(
+            -(gradients[0][index] * du[:, None] + gradients[1][index] * dv[:, None])
+            * own[index][:, None]
+        )
     jac = np.stack(columns, -1)
     residual = difference[index].astype(np.float64)
     # Light is fixed in the world: a turned face changes brightness as a whole, which is no motion.
     residual[:, :3] -= np.median(residual[:, :3], 0)
     jac[:, :3] -= jac[:, :3].mean(0)
-    weight = (1.0 / (1.0 + (residual / ROBUST) ** 2)) ** 2
+    weight = (1.0 / (1.0 + (residual / robust) ** 2)) ** 2
     system.h += np.einsum("ncp,ncq,nc->pq", jac, jac, weight)
     system.g += np.einsum("ncp,nc->p", jac, weight * residual)
     system.error += float((weight * residual**2).sum())

@@ -60,8 +60,12 @@ class Motion:
         return np.asarray(self.part_probs[state].argmax(1), np.int64)
 
 
-def articulate(scene: Scene, gaussians: tuple[Gaussians, Gaussians], config: ArticulateConfig,
-               progress: Callable[[int, int, float], None] | None = None) -> Motion:
+def articulate(
+    scene: Scene,
+    gaussians: tuple[Gaussians, Gaussians],
+    config: ArticulateConfig,
+    progress: Callable[[int, int, float], None] | None = None,
+) -> Motion:
     """Return the moving parts and their joints.
 
     Args:
@@ -81,8 +85,10 @@ def articulate(scene: Scene, gaussians: tuple[Gaussians, Gaussians], config: Art
     total = len(study.surfels[0]) + len(study.surfels[1])
     logger.info("evidence: %d of %d surfels left their place or are new in it", moved, total)
     if moved < MIN_EVIDENCE * total:
-        raise FitError(f"{scene.path}: only {moved} of {total} surface points moved between the states. Expected at "
-                       f"least {MIN_EVIDENCE:.1%}. Photograph the object in two clearly different states.")
+        raise FitError(
+            f"{scene.path}: only {moved} of {total} surface points moved between the states. Expected at "
+            f"least {MIN_EVIDENCE:.1%}. Photograph the object in two clearly different states."
+        )
     clock.tick("evidence", 1)
     pool = _pool(study, np.random.default_rng(config.seed), moved)
     clock.tick("search", 2)
@@ -109,7 +115,10 @@ def _pool(study: Study, rng: np.random.Generator, moved: int) -> list[Hypothesis
     from part2gs_robotics.motion_snap import distinct, slide_families, snapped
 
     found = propose(study.evidence, study.lands, study.box, SEEDS, rng)
-    ranked = sorted(choose(found, study.evidence, study.lands, study.diag, POOL_PRICE * moved), key=lambda p: -p[1])
+    ranked = sorted(
+        choose(found, study.evidence, study.lands, study.diag, POOL_PRICE * moved),
+        key=lambda p: -p[1],
+    )
     top = distinct([h for h, _ in ranked][:POOL_TOP], study)
     straight = snapped(top, study, rng)
     families = slide_families([*straight, *top], study, 5 * POOL_PRICE * moved)
@@ -123,12 +132,16 @@ def _decide(study: Study, pool: list[Hypothesis], parts: int | None, scene: Scen
 
     verdict = decide(study, pool, parts, lambda text: logger.info("decide: %s", text))
     if not verdict.motions:
-        raise FitError(f"{scene.path}: no rigid motion explains the difference of the two states. Expected at least "
-                       "one part that turns or slides; check that both states show the same object in one frame.")
+        raise FitError(
+            f"{scene.path}: no rigid motion explains the difference of the two states. Expected at least "
+            "one part that turns or slides; check that both states show the same object in one frame."
+        )
     return verdict
 
 
-def _finish(scene: Scene, study: Study, verdict: Verdict, config: ArticulateConfig, clock: _Clock) -> Motion:
+def _finish(
+    scene: Scene, study: Study, verdict: Verdict, config: ArticulateConfig, clock: _Clock
+) -> Motion:
     from part2gs_robotics.align import align
     from part2gs_robotics.cross_render import small_views
     from part2gs_robotics.decide import Judge
@@ -139,16 +152,31 @@ def _finish(scene: Scene, study: Study, verdict: Verdict, config: ArticulateConf
     judge, n0 = Judge(study), len(study.surfels[0])
     joints = []
     for k, h in enumerate(verdict.motions):
-        own = (study.surfels[0].select(verdict.hard[:n0] == k + 1), study.surfels[1].select(verdict.hard[n0:] == k + 1))
-        joints.append(choose_joint(h, own, judge.lands, study.tau, study.diag, judge.confidence(verdict, k)))
+        own = (
+            study.surfels[0].select(verdict.hard[:n0] == k + 1),
+            study.surfels[1].select(verdict.hard[n0:] == k + 1),
+        )
+        joints.append(
+            choose_joint(h, own, judge.lands, study.tau, study.diag, judge.confidence(verdict, k))
+        )
     joints = physical_steps(study, joints, verdict.hard, config.paper_mode)
-    views = (small_views(scene.states[0], ALIGN_VIEWS, ALIGN_SIDE), small_views(scene.states[1], ALIGN_VIEWS, ALIGN_SIDE))
+    views = (
+        small_views(scene.states[0], ALIGN_VIEWS, ALIGN_SIDE),
+        small_views(scene.states[1], ALIGN_VIEWS, ALIGN_SIDE),
+    )
     if not config.paper_mode:  # the paper refines the joints by its losses alone
-        joints = align(study.gaussians, study.gaussian_labels(verdict.hard), joints, views, study.diag)
+        joints = align(
+            study.gaussians, study.gaussian_labels(verdict.hard), joints, views, study.diag
+        )
     clock.tick("alignment", 4, len(joints))
     costs = judge.costs(joints, verdict.hard)
-    unary = [COST_TO_NATS * costs[:n0][study.nearest[0]], COST_TO_NATS * costs[n0:][study.nearest[1]]]
+    unary = [
+        COST_TO_NATS * costs[:n0][study.nearest[0]],
+        COST_TO_NATS * costs[n0:][study.nearest[1]],
+    ]
     probs = refine_identities(unary[0], unary[1], study.gaussians, joints)
     diagnostics, notes = part_diagnostics(study, joints, verdict.hard, config.paper_mode)
     clock.tick("identity", 5, len(joints))
-    return Motion((probs[0], probs[1]), tuple(joints), (0,) * len(joints), diagnostics, notes, clock.seconds)
+    return Motion(
+        (probs[0], probs[1]), tuple(joints), (0,) * len(joints), diagnostics, notes, clock.seconds
+    )

@@ -61,19 +61,24 @@ def small_views(state: StateViews, count: int, side: int) -> SmallViews:
     return SmallViews(np.stack(colors), np.stack(alphas), Ks, state.viewmats[index])
 
 
-def move_gaussians(gaussians: Gaussians, labels: NDArray[np.int64], moves: list[F64]) -> tuple[NDArray[np.float32],
-                                                                                            NDArray[np.float32]]:
+def move_gaussians(
+    gaussians: Gaussians, labels: NDArray[np.int64], moves: list[F64]
+) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     """Return means [N, 3] and quats [N, 4] with every Gaussian moved by its label's motion."""
     means, quats = gaussians.means.copy(), gaussians.quats.copy()
     for k, move in enumerate(moves):
         own = labels == k
         if k and own.any():
             means[own] = se3.apply(move, gaussians.means[own].astype(np.float64))
-            quats[own] = se3.quat_multiply(se3.quat_from_rotation(move[:3, :3]), gaussians.quats[own])
+            quats[own] = se3.quat_multiply(
+                se3.quat_from_rotation(move[:3, :3]), gaussians.quats[own]
+            )
     return means.astype(np.float32), quats.astype(np.float32)
 
 
-def cross_cost(source: Gaussians, labels: NDArray[np.int64], moves: list[F64], views: SmallViews) -> float:
+def cross_cost(
+    source: Gaussians, labels: NDArray[np.int64], moves: list[F64], views: SmallViews
+) -> float:
     """Return the mean cost per object pixel, 0 = the moved Gaussians look as photographed.
 
     Args:
@@ -87,7 +92,9 @@ def cross_cost(source: Gaussians, labels: NDArray[np.int64], moves: list[F64], v
     total = 0.0
     for v in range(len(views.colors)):
         height, width = views.alphas[v].shape
-        out = render(means, quats, scales, opacities, colors, views.viewmats[v], views.Ks[v], width, height)
+        out = render(
+            means, quats, scales, opacities, colors, views.viewmats[v], views.Ks[v], width, height
+        )
         excess = out.alpha - views.alphas[v]
         # Colour of what is there; nothing is compared where nothing was rendered.
         tint = np.abs(out.color - out.alpha[..., None] * views.colors[v]).mean(-1) / COLOR_SCALE
@@ -96,8 +103,13 @@ def cross_cost(source: Gaussians, labels: NDArray[np.int64], moves: list[F64], v
     return total / max(float(views.alphas.sum()), 1.0)
 
 
-def both_cost(gaussians: tuple[Gaussians, Gaussians], labels: tuple[NDArray[np.int64], NDArray[np.int64]],
-              moves: list[F64], views: tuple[SmallViews, SmallViews], source_weight: tuple[float, float]) -> float:
+def both_cost(
+    gaussians: tuple[Gaussians, Gaussians],
+    labels: tuple[NDArray[np.int64], NDArray[np.int64]],
+    moves: list[F64],
+    views: tuple[SmallViews, SmallViews],
+    source_weight: tuple[float, float],
+) -> float:
     """Return the weighted cross cost of state 0 shown as state 1 and of state 1 shown as state 0.
 
     The weights favour the richer state as the source (Part2GS eq. 3): a closed cabinet cannot show
@@ -107,5 +119,7 @@ def both_cost(gaussians: tuple[Gaussians, Gaussians], labels: tuple[NDArray[np.i
     for source, weight in enumerate(source_weight):
         if weight > 0.02:  # a direction that counts for less than 2 % is not worth its renders
             there = moves if source == 0 else [se3.inverse(m) for m in moves]
-            total += weight * cross_cost(gaussians[source], labels[source], there, views[1 - source])
+            total += weight * cross_cost(
+                gaussians[source], labels[source], there, views[1 - source]
+            )
     return total

@@ -58,7 +58,10 @@ class Judge:
 
     def _column(self, h: Hypothesis) -> Unary:
         if id(h) not in self._columns:  # the hypothesis is kept beside, so its id stays its own
-            self._columns[id(h)] = h, unary_costs([h.move], self.study.surfels, self.lands, self.study.tau)
+            self._columns[id(h)] = (
+                h,
+                unary_costs([h.move], self.study.surfels, self.lands, self.study.tau),
+            )
         return self._columns[id(h)][1]
 
     def coherent(self, motions: list[Hypothesis], hard: NDArray[np.int64]) -> bool:
@@ -77,8 +80,11 @@ class Judge:
     def sort_out(self, motions: list[Hypothesis]) -> tuple[NDArray[np.int64], float]:
         """Return the labelling of the surfels under the motions and its cost per surfel."""
         columns = [self.static, *(self._column(h) for h in motions)]
-        unary = Unary(np.concatenate([c.match for c in columns], 1), np.concatenate([c.target for c in columns], 1),
-                      np.concatenate([c.miss for c in columns], 1))
+        unary = Unary(
+            np.concatenate([c.match for c in columns], 1),
+            np.concatenate([c.target for c in columns], 1),
+            np.concatenate([c.miss for c in columns], 1),
+        )
         hard, energy = label(unary, self.study.graph)
         return hard, energy / len(hard)
 
@@ -87,18 +93,27 @@ class Judge:
         ranked = sorted(((self.sort_out(s), s) for s in sets), key=lambda pair: pair[0][1])
         return min((self.judge(s, known) for known, s in ranked[:SHOWN]), key=lambda v: v.cost)
 
-    def judge(self, motions: list[Hypothesis], known: tuple[NDArray[np.int64], float] | None = None) -> Verdict:
+    def judge(
+        self, motions: list[Hypothesis], known: tuple[NDArray[np.int64], float] | None = None
+    ) -> Verdict:
         """Return the verdict on a set of motions (`known`: its labelling, if sorted out already)."""
         hard, surfel_cost = known or self.sort_out(motions)
         labels = self.study.gaussian_labels(hard)
-        image = both_cost(self.study.gaussians, labels, [np.eye(4), *(h.move for h in motions)], self.study.views,
-                          self.study.source_weight)
+        image = both_cost(
+            self.study.gaussians,
+            labels,
+            [np.eye(4), *(h.move for h in motions)],
+            self.study.views,
+            self.study.source_weight,
+        )
         return Verdict(tuple(motions), hard, surfel_cost, image, self.coherent(motions, hard))
 
     def costs(self, joints: list[Joint], hard: NDArray[np.int64]) -> F64:
         """Return [N0 + N1, K+1] cost of every surfel under every part, given the labelling so far."""
         moves = [np.eye(4), *(move_of(j) for j in joints)]
-        return unary_costs(moves, self.study.surfels, self.lands, self.study.tau).cost(np.eye(len(moves))[hard])
+        return unary_costs(moves, self.study.surfels, self.lands, self.study.tau).cost(
+            np.eye(len(moves))[hard]
+        )
 
     def confidence(self, verdict: Verdict, k: int) -> float:
         """Return the share of motion k's surfels that no other label explains as well."""
@@ -106,7 +121,9 @@ class Judge:
         own = verdict.hard == k + 1
         costs = np.stack([c.cost(np.ones((len(own), 1)))[own, 0] for c in columns], 1)
         rest = np.delete(costs, k + 1, 1).min(1)
-        return float((costs[:, k + 1] < rest - 0.05).mean()) if own.any() else 0.0  # 0.05: a colour step
+        return (
+            float((costs[:, k + 1] < rest - 0.05).mean()) if own.any() else 0.0
+        )  # 0.05: a colour step
 
     def polished(self, verdict: Verdict) -> Verdict:
         """Return the better of the verdict and the same with every motion refined on its own surfels."""
@@ -114,8 +131,10 @@ class Judge:
         motions = list(verdict.motions)
         best = verdict
         for k, h in enumerate(verdict.motions):
-            own = (self.study.surfels[0].select(best.hard[:n0] == k + 1),
-                   self.study.surfels[1].select(best.hard[n0:] == k + 1))
+            own = (
+                self.study.surfels[0].select(best.hard[:n0] == k + 1),
+                self.study.surfels[1].select(best.hard[n0:] == k + 1),
+            )
             trial = [*motions]
             trial[k] = refine(h, own, self.lands, (1.3 * tau, tau, 0.7 * tau), 4)
             new = self.judge(trial)
@@ -124,7 +143,9 @@ class Judge:
         return best
 
 
-def decide(study: Study, pool: list[Hypothesis], parts: int | None, say: Callable[[str], None]) -> Verdict:
+def decide(
+    study: Study, pool: list[Hypothesis], parts: int | None, say: Callable[[str], None]
+) -> Verdict:
     """Return the set of motions that pays: grown one by one, each step free to replace an earlier one.
 
     Args:

@@ -51,5 +51,11 @@ class Gaussians:
 
     def select(self, index: NDArray[np.bool_] | NDArray[np.int64]) -> Gaussians:
         """Return the Gaussians picked by a mask or by indices."""
-        return Gaussians(self.means[index], self.quats[index], self.log_scales[index],
-                         self.logit_opacities[index], self.sh0[index], self.shN[index])
+        return Gaussians(
+            self.means[index],
+            self.quats[index],
+            self.log_scales[index],
+            self.logit_opacities[index],
+            self.sh0[index],
+            self.shN[index],
+        )

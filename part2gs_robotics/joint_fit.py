@@ -37,18 +37,31 @@ def perturbed(joint: Joint, step: F64, diag: float) -> Joint:
     side = np.linalg.svd(joint.axis[None])[2][1:]
     axis = joint.axis + step[0] * side[0] + step[1] * side[1]
     if joint.kind == "prismatic":
-        return replace(joint, axis=axis / np.linalg.norm(axis), value=joint.value + float(step[2]) * diag)
+        return replace(
+            joint, axis=axis / np.linalg.norm(axis), value=joint.value + float(step[2]) * diag
+        )
     origin = joint.origin + diag * (step[3] * side[0] + step[4] * side[1])
-    return replace(joint, axis=axis / np.linalg.norm(axis), origin=origin, value=joint.value + float(step[2]))
+    return replace(
+        joint, axis=axis / np.linalg.norm(axis), origin=origin, value=joint.value + float(step[2])
+    )
 
 
-def choose_joint(h: Hypothesis, own: tuple[Surfels, Surfels], lands: tuple[Landing, Landing], tau: float,
-                 diag: float, confidence: float) -> Joint:
+def choose_joint(
+    h: Hypothesis,
+    own: tuple[Surfels, Surfels],
+    lands: tuple[Landing, Landing],
+    tau: float,
+    diag: float,
+    confidence: float,
+) -> Joint:
     """Return the joint whose kind explains the part's surfels best for its number of parameters.
 
     BIC with the noise measured in the scene; a hinge far from its part pays extra.
     """
-    fits = {"revolute": _as_kind(h, 1, own, lands, tau), "prismatic": _as_kind(h, 0, own, lands, tau)}
+    fits = {
+        "revolute": _as_kind(h, 1, own, lands, tau),
+        "prismatic": _as_kind(h, 0, own, lands, tau),
+    }
     sigma = min(_noise(f, own, lands, tau) for f in fits.values())
     bic = {name: _bic(f, own, lands, tau, sigma, PARAMETERS[name]) for name, f in fits.items()}
     points = np.concatenate([own[0].points, se3.apply(se3.inverse(h.move), own[1].points)])
@@ -62,11 +75,18 @@ def choose_joint(h: Hypothesis, own: tuple[Surfels, Surfels], lands: tuple[Landi
 def _joint(h: Hypothesis, centre: F64, bic: dict[str, float], confidence: float) -> Joint:
     axis, value = (h.axis, h.value) if h.value >= 0 else (-h.axis, -h.value)
     origin = h.origin + axis * (axis @ (centre - h.origin)) if h.kind else centre
-    return Joint("revolute" if h.kind else "prismatic", axis, origin, value, bic=bic, confidence=confidence)
+    return Joint(
+        "revolute" if h.kind else "prismatic", axis, origin, value, bic=bic, confidence=confidence
+    )
 
 
-def _as_kind(h: Hypothesis, kind: int, own: tuple[Surfels, Surfels], lands: tuple[Landing, Landing], tau: float
-             ) -> Hypothesis:
+def _as_kind(
+    h: Hypothesis,
+    kind: int,
+    own: tuple[Surfels, Surfels],
+    lands: tuple[Landing, Landing],
+    tau: float,
+) -> Hypothesis:
     taus = (1.3 * tau, tau, 0.7 * tau)
     if h.kind == kind:
         return refine(h, own, lands, taus, 4)
@@ -84,7 +104,11 @@ def _as_kind(h: Hypothesis, kind: int, own: tuple[Surfels, Surfels], lands: tupl
             origin = centre + sign * np.cross(h.axis, side) * h.value / angle
             axis = np.cross(centre - origin, h.axis * h.value)
             start = Hypothesis(1, -axis / np.linalg.norm(axis), origin, -angle)
-            start = start if _cost(start, own, lands, tau) < _cost(_flip(start), own, lands, tau) else _flip(start)
+            start = (
+                start
+                if _cost(start, own, lands, tau) < _cost(_flip(start), own, lands, tau)
+                else _flip(start)
+            )
             tries.append(refine(start, own, lands, taus, 4))
     return min(tries, key=lambda t: _cost(t, own, lands, tau))
 
@@ -93,23 +117,40 @@ def _flip(h: Hypothesis) -> Hypothesis:
     return Hypothesis(h.kind, h.axis, h.origin, -h.value)
 
 
-def _cost(h: Hypothesis, own: tuple[Surfels, Surfels], lands: tuple[Landing, Landing], tau: float) -> float:
-    zero, one = land(h.move, own[0], lands[1], tau)[0], land(se3.inverse(h.move), own[1], lands[0], tau)[0]
+def _cost(
+    h: Hypothesis, own: tuple[Surfels, Surfels], lands: tuple[Landing, Landing], tau: float
+) -> float:
+    zero, one = (
+        land(h.move, own[0], lands[1], tau)[0],
+        land(se3.inverse(h.move), own[1], lands[0], tau)[0],
+    )
     return float(zero.sum() + one.sum())
 
 
-def _residuals(h: Hypothesis, own: tuple[Surfels, Surfels], lands: tuple[Landing, Landing], tau: float) -> F64:
+def _residuals(
+    h: Hypothesis, own: tuple[Surfels, Surfels], lands: tuple[Landing, Landing], tau: float
+) -> F64:
     zero, _, one, normals = matches(h.move, own, lands, tau)
     return np.asarray(((se3.apply(h.move, zero) - one) * normals).sum(1))
 
 
-def _noise(h: Hypothesis, own: tuple[Surfels, Surfels], lands: tuple[Landing, Landing], tau: float) -> float:
+def _noise(
+    h: Hypothesis, own: tuple[Surfels, Surfels], lands: tuple[Landing, Landing], tau: float
+) -> float:
     r = _residuals(h, own, lands, tau)
-    return float(1.4826 * np.median(np.abs(r)) + 1e-4 * tau) if len(r) else tau  # 1.4826: MAD to sigma
+    return (
+        float(1.4826 * np.median(np.abs(r)) + 1e-4 * tau) if len(r) else tau
+    )  # 1.4826: MAD to sigma
 
 
-def _bic(h: Hypothesis, own: tuple[Surfels, Surfels], lands: tuple[Landing, Landing], tau: float, sigma: float,
-         count: int) -> float:
+def _bic(
+    h: Hypothesis,
+    own: tuple[Surfels, Surfels],
+    lands: tuple[Landing, Landing],
+    tau: float,
+    sigma: float,
+    count: int,
+) -> float:
     r = _residuals(h, own, lands, tau)
     total = len(own[0]) + len(own[1])
     misfit = np.minimum((r / sigma) ** 2, OUTLIER).sum() + OUTLIER * (total - len(r))

@@ -18,7 +18,9 @@ from part2gs_robotics.surfels import Surfels
 F64 = NDArray[np.float64]
 NEIGHBORS = 10  # of the surfel graph: a full ring on a surface sampled by voxels
 SMOOTHNESS = 0.12  # per neighbour: ten neighbours outvote a neutral surfel, not a clear one
-NEUTRAL_COST = 0.3  # landing unobserved: a part is proven by contradictions it removes, not by what it hides
+NEUTRAL_COST = (
+    0.3  # landing unobserved: a part is proven by contradictions it removes, not by what it hides
+)
 FOREIGN_COST = 0.35  # a surfel met that another motion carries: two surfaces cannot both become it
 TEMPERATURES = (0.3, 0.2, 0.12, 0.07, 0.04)  # annealing of the mean field; costs are in 0..1
 SWEEPS = 4  # per temperature
@@ -42,7 +44,9 @@ def build_graph(states: tuple[Surfels, Surfels]) -> Graph:
         distance, index = distance[:, 1:], index[:, 1:]
         cosine = (s.normals[index] * s.normals[:, None]).sum(-1)
         reach = np.median(distance[:, -1]) + 1e-12
-        weights.append(np.exp(-(distance / (1.5 * reach)) ** 2) * (0.25 + 0.75 * np.clip(cosine, 0, 1)))
+        weights.append(
+            np.exp(-((distance / (1.5 * reach)) ** 2)) * (0.25 + 0.75 * np.clip(cosine, 0, 1))
+        )
         ids.append(index + offset)
         offset += len(s)
     return Graph(np.concatenate(ids), np.concatenate(weights))
@@ -85,7 +89,9 @@ class Unary:
     def cost(self, q: F64) -> F64:
         """Return [N, L] costs given soft labels: a surface carried by another part is no match."""
         owned = np.take_along_axis(q, np.maximum(self.target, 0), 0)
-        met = np.minimum(self.match + FOREIGN_COST * (1.0 - owned), np.maximum(self.miss, FOREIGN_COST))
+        met = np.minimum(
+            self.match + FOREIGN_COST * (1.0 - owned), np.maximum(self.miss, FOREIGN_COST)
+        )
         return np.where(self.target >= 0, met, self.miss)
 
     def without(self, column: int) -> Unary:
@@ -93,14 +99,21 @@ class Unary:
         return Unary(*(np.delete(a, column, 1) for a in (self.match, self.target, self.miss)))
 
 
-def unary_costs(moves: list[F64], states: tuple[Surfels, Surfels], lands: tuple[Landing, Landing], tau: float) -> Unary:
+def unary_costs(
+    moves: list[F64], states: tuple[Surfels, Surfels], lands: tuple[Landing, Landing], tau: float
+) -> Unary:
     """Return how every surfel lands in the other state under every motion."""
     n0 = len(states[0])
     columns: list[tuple[F64, NDArray[np.int64], F64]] = []
     for move in moves:
-        zero, one = land(move, states[0], lands[1], tau), land(se3.inverse(move), states[1], lands[0], tau)
+        zero, one = (
+            land(move, states[0], lands[1], tau),
+            land(se3.inverse(move), states[1], lands[0], tau),
+        )
         target = np.concatenate([np.where(zero[1] >= 0, zero[1] + n0, -1), one[1]])
-        columns.append((np.concatenate([zero[0], one[0]]), target, np.concatenate([zero[2], one[2]])))
+        columns.append(
+            (np.concatenate([zero[0], one[0]]), target, np.concatenate([zero[2], one[2]]))
+        )
     match, index, miss = (np.stack([c[i] for c in columns], 1) for i in range(3))
     return Unary(match, index, np.where(miss == FREE_COST, miss, NEUTRAL_COST))
 
@@ -121,8 +134,13 @@ def label(unary: Unary, graph: Graph) -> tuple[NDArray[np.int64], float]:
     return hard, float(energy)
 
 
-def prune(found: list[Hypothesis], states: tuple[Surfels, Surfels], lands: tuple[Landing, Landing], tau: float,
-          price: float) -> tuple[list[Hypothesis], NDArray[np.int64], list[float]]:
+def prune(
+    found: list[Hypothesis],
+    states: tuple[Surfels, Surfels],
+    lands: tuple[Landing, Landing],
+    tau: float,
+    price: float,
+) -> tuple[list[Hypothesis], NDArray[np.int64], list[float]]:
     """Drop motions the labelling does without for less than `price`, refine the others.
 
     Returns:
@@ -139,8 +157,13 @@ def prune(found: list[Hypothesis], states: tuple[Surfels, Surfels], lands: tuple
         kept.pop(int(np.argmin(saves)))
 
 
-def _polish(kept: list[Hypothesis], states: tuple[Surfels, Surfels], lands: tuple[Landing, Landing], tau: float,
-            graph: Graph) -> tuple[list[Hypothesis], NDArray[np.int64], float, Unary]:
+def _polish(
+    kept: list[Hypothesis],
+    states: tuple[Surfels, Surfels],
+    lands: tuple[Landing, Landing],
+    tau: float,
+    graph: Graph,
+) -> tuple[list[Hypothesis], NDArray[np.int64], float, Unary]:
     """Label, refine every motion on its own surfels where that lowers their cost, label again."""
     unary = unary_costs([np.eye(4), *(h.move for h in kept)], states, lands, tau)
     hard, energy = label(unary, graph)
@@ -148,7 +171,11 @@ def _polish(kept: list[Hypothesis], states: tuple[Surfels, Surfels], lands: tupl
     better = []
     for k, h in enumerate(kept):
         own = states[0].select(hard[:n0] == k + 1), states[1].select(hard[n0:] == k + 1)
-        new = refine(h, own, lands, (1.3 * tau, tau, 0.7 * tau), 4) if len(own[0]) + len(own[1]) else h
+        new = (
+            refine(h, own, lands, (1.3 * tau, tau, 0.7 * tau), 4)
+            if len(own[0]) + len(own[1])
+            else h
+        )
         costs = [unary_costs([g.move], own, lands, tau).match.sum() for g in (h, new)]
         better.append(new if costs[1] < costs[0] else h)
     unary = unary_costs([np.eye(4), *(h.move for h in better)], states, lands, tau)

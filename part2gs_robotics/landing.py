@@ -16,7 +16,9 @@ F64 = NDArray[np.float64]
 MIN_FREE_VIEWS = 3  # one or two views past a point may be floaters or mask errors
 FREE_COST = 1.0  # contradiction: the other state saw nothing there
 HIDDEN_COST = 0.45  # neutral: nobody looked there; must not be cheaper than a fair match
-CLAIMED_COST = 0.25  # the surface met stayed where it is: it cannot be the image of a moved point as well
+CLAIMED_COST = (
+    0.25  # the surface met stayed where it is: it cannot be the image of a moved point as well
+)
 TANGENT_SHARE = 0.25  # of the squared distance along the surface: sampling noise, not misfit
 NORMAL_LIMIT = 0.5  # cos 60 deg: the other side of a thin door, or another face
 COLOR_SCALE = 0.35  # light fixed in the world changes a turned face by up to about a third
@@ -44,7 +46,9 @@ class Landing:
     reach: float
 
 
-def build_landing(surfels: Surfels, claimed: F64, maps: DepthMaps, lo: F64, hi: F64, voxel: float, reach: float) -> Landing:
+def build_landing(
+    surfels: Surfels, claimed: F64, maps: DepthMaps, lo: F64, hi: F64, voxel: float, reach: float
+) -> Landing:
     """Return the landing grid of one state over the box lo..hi."""
     shape = np.ceil((hi - lo) / voxel).astype(int)
     axes = [lo[i] + (np.arange(shape[i]) + 0.5) * voxel for i in range(3)]
@@ -55,15 +59,25 @@ def build_landing(surfels: Surfels, claimed: F64, maps: DepthMaps, lo: F64, hi: 
     distance, found = cKDTree(surfels.points).query(centres, distance_upper_bound=reach, workers=-1)
     hit = np.isfinite(distance)
     index[hit] = found[hit]
-    return Landing(surfels, lo, voxel, index.reshape(shape), free.reshape(shape), claimed,
-                   reach)
+    return Landing(surfels, lo, voxel, index.reshape(shape), free.reshape(shape), claimed, reach)
 
 
 @numba.njit(cache=True, inline="always", fastmath=True)
 def _point_cost(p, n, c, lo, inv, nearest, free, points, normals, colors, claimed, tau2):  # type: ignore[no-untyped-def]
     """Return (cost, index of the surfel met or -1, cost of meeting nothing) of one moved point."""
-    i, j, k = int(np.floor((p[0] - lo[0]) * inv)), int(np.floor((p[1] - lo[1]) * inv)), int(np.floor((p[2] - lo[2]) * inv))
-    if i < 0 or j < 0 or k < 0 or i >= nearest.shape[0] or j >= nearest.shape[1] or k >= nearest.shape[2]:
+    i, j, k = (
+        int(np.floor((p[0] - lo[0]) * inv)),
+        int(np.floor((p[1] - lo[1]) * inv)),
+        int(np.floor((p[2] - lo[2]) * inv)),
+    )
+    if (
+        i < 0
+        or j < 0
+        or k < 0
+        or i >= nearest.shape[0]
+        or j >= nearest.shape[1]
+        or k >= nearest.shape[2]
+    ):
         return FREE_COST, -1, FREE_COST
     miss = FREE_COST if free[i, j, k] else HIDDEN_COST
     m = nearest[i, j, k]
@@ -97,7 +111,12 @@ def _score(moves, points, normals, colors, lo, inv, nearest, free, tp, tn, tc, t
         p, n = np.zeros(3), np.zeros(3)
         for q in range(len(points)):
             for a in range(3):
-                p[a] = m[a, 0] * points[q, 0] + m[a, 1] * points[q, 1] + m[a, 2] * points[q, 2] + m[a, 3]
+                p[a] = (
+                    m[a, 0] * points[q, 0]
+                    + m[a, 1] * points[q, 1]
+                    + m[a, 2] * points[q, 2]
+                    + m[a, 3]
+                )
                 n[a] = m[a, 0] * normals[q, 0] + m[a, 1] * normals[q, 1] + m[a, 2] * normals[q, 2]
             cost, _, _ = _point_cost(p, n, colors[q], lo, inv, nearest, free, tp, tn, tc, tk, tau2)
             total += cost
@@ -107,19 +126,37 @@ def _score(moves, points, normals, colors, lo, inv, nearest, free, tp, tn, tc, t
 
 @numba.njit(cache=True, parallel=True, fastmath=True)
 def _land(m, points, normals, colors, lo, inv, nearest, free, tp, tn, tc, tk, tau2):  # type: ignore[no-untyped-def]
-    cost, index, miss = np.zeros(len(points)), np.zeros(len(points), np.int64), np.zeros(len(points))
+    cost, index, miss = (
+        np.zeros(len(points)),
+        np.zeros(len(points), np.int64),
+        np.zeros(len(points)),
+    )
     for q in numba.prange(len(points)):
         p, n = np.zeros(3), np.zeros(3)
         for a in range(3):
-            p[a] = m[a, 0] * points[q, 0] + m[a, 1] * points[q, 1] + m[a, 2] * points[q, 2] + m[a, 3]
+            p[a] = (
+                m[a, 0] * points[q, 0] + m[a, 1] * points[q, 1] + m[a, 2] * points[q, 2] + m[a, 3]
+            )
             n[a] = m[a, 0] * normals[q, 0] + m[a, 1] * normals[q, 1] + m[a, 2] * normals[q, 2]
-        cost[q], index[q], miss[q] = _point_cost(p, n, colors[q], lo, inv, nearest, free, tp, tn, tc, tk, tau2)
+        cost[q], index[q], miss[q] = _point_cost(
+            p, n, colors[q], lo, inv, nearest, free, tp, tn, tc, tk, tau2
+        )
     return cost, index, miss
 
 
 def _arguments(target: Landing, tau: float) -> tuple[object, ...]:
     s = target.surfels
-    return (target.lo, 1.0 / target.voxel, target.nearest, target.free, s.points, s.normals, s.colors, target.claimed, tau * tau)
+    return (
+        target.lo,
+        1.0 / target.voxel,
+        target.nearest,
+        target.free,
+        s.points,
+        s.normals,
+        s.colors,
+        target.claimed,
+        tau * tau,
+    )
 
 
 def score_moves(moves: F64, source: Surfels, target: Landing, tau: float) -> F64:
@@ -128,12 +165,18 @@ def score_moves(moves: F64, source: Surfels, target: Landing, tau: float) -> F64
     A match costs its squared distance in units of tau plus normal and colour disagreement,
     an unobserved place HIDDEN_COST, a place that was seen empty FREE_COST.
     """
-    return np.asarray(_score(moves, source.points, source.normals, source.colors, *_arguments(target, tau)))
+    return np.asarray(
+        _score(moves, source.points, source.normals, source.colors, *_arguments(target, tau))
+    )
 
 
-def land(move: F64, source: Surfels, target: Landing, tau: float) -> tuple[F64, NDArray[np.int64], F64]:
+def land(
+    move: F64, source: Surfels, target: Landing, tau: float
+) -> tuple[F64, NDArray[np.int64], F64]:
     """Return per-point landing cost [N], met surfel [N] (-1 = none) and cost of no match [N]."""
-    cost, index, miss = _land(move, source.points, source.normals, source.colors, *_arguments(target, tau))
+    cost, index, miss = _land(
+        move, source.points, source.normals, source.colors, *_arguments(target, tau)
+    )
     return cost, index, miss
 
 

@@ -23,8 +23,13 @@ def joint_move(kind: int, params: F64) -> F64:
     return se3.make(np.eye(3), axis * params[6])
 
 
-def refine(guess: Hypothesis, sets: tuple[Surfels, Surfels], lands: tuple[Landing, Landing],
-           taus: tuple[float, ...], steps: int = 4) -> Hypothesis:
+def refine(
+    guess: Hypothesis,
+    sets: tuple[Surfels, Surfels],
+    lands: tuple[Landing, Landing],
+    taus: tuple[float, ...],
+    steps: int = 4,
+) -> Hypothesis:
     """Return the hypothesis after Gauss-Newton on point-to-plane residuals of both directions.
 
     Args:
@@ -45,11 +50,14 @@ def refine(guess: Hypothesis, sets: tuple[Surfels, Surfels], lands: tuple[Landin
 
 
 def _hypothesis(kind: int, params: F64) -> Hypothesis:
-    return Hypothesis(kind, params[:3] / np.linalg.norm(params[:3]), params[3:6].copy(), float(params[6]))
+    return Hypothesis(
+        kind, params[:3] / np.linalg.norm(params[:3]), params[3:6].copy(), float(params[6])
+    )
 
 
-def matches(move: F64, sets: tuple[Surfels, Surfels], lands: tuple[Landing, Landing], tau: float
-            ) -> tuple[F64, F64, F64, F64]:
+def matches(
+    move: F64, sets: tuple[Surfels, Surfels], lands: tuple[Landing, Landing], tau: float
+) -> tuple[F64, F64, F64, F64]:
     """Return matched (state-0 points, state-0 normals, state-1 points, state-1 normals), each [M, 3]."""
     cost, index, _ = land(move, sets[0], lands[1], tau)
     ok = (index >= 0) & (cost < INLIER_COST)
@@ -76,9 +84,13 @@ def _step(kind: int, params: F64, pairs: tuple[F64, F64, F64, F64], tau: float) 
     base = residuals(params)
     count = len(pairs[0])
     gap2 = base[:count] ** 2 + (base[count:].reshape(-1, 3) ** 2).sum(1)
-    weight = (1.0 / (1.0 + gap2 / (0.25 * tau * tau))) ** 2  # Geman-McClure, half the matching distance
+    weight = (
+        1.0 / (1.0 + gap2 / (0.25 * tau * tau))
+    ) ** 2  # Geman-McClure, half the matching distance
     weights = np.concatenate([weight, np.repeat(weight, 3)])
-    jac = np.stack([(residuals(params + np.eye(7)[i] * step[i]) - base) / step[i] for i in range(7)], 1)
+    jac = np.stack(
+        [(residuals(params + np.eye(7)[i] * step[i]) - base) / step[i] for i in range(7)], 1
+    )
     scaled = jac * step / 1e-4
     normal = scaled.T @ (scaled * weights[:, None])
     # Gauge directions (axis length, origin along the axis) and unseen ones are held by the damping.

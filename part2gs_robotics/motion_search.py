@@ -77,17 +77,27 @@ def _distinct(axes: F64, angle: float) -> F64:
 def slides(axes: F64, diag: float) -> list[Hypothesis]:
     """Return all prismatic hypotheses along the axes, both ways."""
     steps = np.arange(SLIDE_STEP, MAX_SLIDE, SLIDE_STEP) * diag
-    return [Hypothesis(0, a, np.zeros(3), float(s * d)) for a in axes for d in steps for s in (1, -1)]
+    return [
+        Hypothesis(0, a, np.zeros(3), float(s * d)) for a in axes for d in steps for s in (1, -1)
+    ]
 
 
 def turn_moves(axis: F64, lo: F64, hi: F64, diag: float) -> tuple[F64, F64, F64]:
     """Return pivots [P, 3], angles [A] and moves [P * A, 4, 4] of turns about parallel axes."""
     basis = np.linalg.svd(axis[None])[2][1:]
     centre, step = (lo + hi) / 2, PIVOT_STEP * diag
-    corners = np.array([[lo, hi][b][i] for a in range(8) for i, b in enumerate([(a >> 2) & 1, (a >> 1) & 1, a & 1])])
+    corners = np.array(
+        [
+            [lo, hi][b][i]
+            for a in range(8)
+            for i, b in enumerate([(a >> 2) & 1, (a >> 1) & 1, a & 1])
+        ]
+    )
     corners = corners.reshape(8, 3) - centre
     flat = corners @ basis.T
-    axes = [np.arange(flat[:, i].min() - step, flat[:, i].max() + 1.5 * step, step) for i in range(2)]
+    axes = [
+        np.arange(flat[:, i].min() - step, flat[:, i].max() + 1.5 * step, step) for i in range(2)
+    ]
     u, v = np.meshgrid(*axes, indexing="ij")
     pivots = centre + u.reshape(-1, 1) * basis[0] + v.reshape(-1, 1) * basis[1]
     angles = np.arange(-MAX_TURN, MAX_TURN - 1e-9, TURN_STEP)
@@ -99,8 +109,15 @@ def turn_moves(axis: F64, lo: F64, hi: F64, diag: float) -> tuple[F64, F64, F64]
     return pivots, angles, moves.reshape(-1, 4, 4)
 
 
-def search_patch(patch: Surfels, target: Landing, axes: F64, box: tuple[F64, F64], tau: float, forward: bool,
-                 keep: int = 12) -> list[tuple[float, Hypothesis]]:
+def search_patch(
+    patch: Surfels,
+    target: Landing,
+    axes: F64,
+    box: tuple[F64, F64],
+    tau: float,
+    forward: bool,
+    keep: int = 12,
+) -> list[tuple[float, Hypothesis]]:
     """Return the best motions of one patch as (cost, hypothesis), best first.
 
     Args:
@@ -117,7 +134,7 @@ def search_patch(patch: Surfels, target: Landing, axes: F64, box: tuple[F64, F64
     flip = 1.0 if forward else -1.0
     guesses = slides(axes, diag)
     costs = score_moves(np.stack([g.move for g in guesses]), patch, target, tau)
-    for i in np.argsort(costs)[:2 * keep]:
+    for i in np.argsort(costs)[: 2 * keep]:
         g = guesses[i]
         out.append((float(costs[i]), Hypothesis(0, g.axis, patch.points.mean(0), flip * g.value)))
     for axis in axes:

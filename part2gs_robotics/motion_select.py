@@ -17,7 +17,9 @@ F64 = NDArray[np.float64]
 NULL_COST = 0.5  # an evidence point that no motion explains; just above HIDDEN_COST
 PATCH_RADIUS = 0.10  # of the diagonal: smaller than a drawer front, larger than a knob
 PATCH_POINTS = 80  # enough to rank 1e5 hypotheses, few enough to do it in a second
-LEAST_MOTION = 0.35  # trust lost per diagonal of way: a door swapped with its neighbour fits as well
+LEAST_MOTION = (
+    0.35  # trust lost per diagonal of way: a door swapped with its neighbour fits as well
+)
 SEARCH_TAU = 0.04  # of the diagonal: the capture range of the coarse grid
 FINE_TAU = 0.015  # of the diagonal: twice the noise of fused depth
 
@@ -45,8 +47,13 @@ def farthest(points: F64, count: int, rng: np.random.Generator) -> list[int]:
     return index
 
 
-def propose(evidence: Evidence, lands: tuple[Landing, Landing], box: tuple[F64, F64], seeds: tuple[int, int],
-            rng: np.random.Generator) -> list[Hypothesis]:
+def propose(
+    evidence: Evidence,
+    lands: tuple[Landing, Landing],
+    box: tuple[F64, F64],
+    seeds: tuple[int, int],
+    rng: np.random.Generator,
+) -> list[Hypothesis]:
     """Return refined hypotheses of patches spread over the evidence of both states."""
     diag = float(np.linalg.norm(box[1] - box[0]))
     found: list[Hypothesis] = []
@@ -55,7 +62,9 @@ def propose(evidence: Evidence, lands: tuple[Landing, Landing], box: tuple[F64, 
         if len(surfels) < 20:
             continue
         for i in farthest(surfels.points, seeds[state], rng):
-            near = np.flatnonzero(((surfels.points - surfels.points[i]) ** 2).sum(1) < (PATCH_RADIUS * diag) ** 2)
+            near = np.flatnonzero(
+                ((surfels.points - surfels.points[i]) ** 2).sum(1) < (PATCH_RADIUS * diag) ** 2
+            )
             if len(near) < 15:
                 continue
             patch = surfels.select(rng.permutation(near)[:PATCH_POINTS])
@@ -69,8 +78,9 @@ def propose(evidence: Evidence, lands: tuple[Landing, Landing], box: tuple[F64, 
     return found
 
 
-def _spread(ranked: list[tuple[float, Hypothesis]], count: int, points: F64, state: int
-            ) -> list[tuple[float, Hypothesis]]:
+def _spread(
+    ranked: list[tuple[float, Hypothesis]], count: int, points: F64, state: int
+) -> list[tuple[float, Hypothesis]]:
     """Best hypotheses that move the patch to different places."""
     out: list[tuple[float, Hypothesis]] = []
     places: list[F64] = []
@@ -85,21 +95,29 @@ def _spread(ranked: list[tuple[float, Hypothesis]], count: int, points: F64, sta
     return out
 
 
-def explained(h: Hypothesis, evidence: Evidence, lands: tuple[Landing, Landing], tau: float) -> tuple[F64, F64]:
+def explained(
+    h: Hypothesis, evidence: Evidence, lands: tuple[Landing, Landing], tau: float
+) -> tuple[F64, F64]:
     """Return what a motion saves per vacated and per arrived surfel, each >= 0."""
     zero, _, _ = land(h.move, evidence.vacated, lands[1], tau)
     one, _, _ = land(se3.inverse(h.move), evidence.arrived, lands[0], tau)
     return np.maximum(NULL_COST - zero, 0), np.maximum(NULL_COST - one, 0)
 
 
-def saved_matrix(found: list[Hypothesis], evidence: Evidence, lands: tuple[Landing, Landing], diag: float) -> F64:
+def saved_matrix(
+    found: list[Hypothesis], evidence: Evidence, lands: tuple[Landing, Landing], diag: float
+) -> F64:
     """Return [H, n] what every motion saves per evidence surfel; long ways are believed a little less."""
     rows = []
     for h in found:
         zero, one = explained(h, evidence, lands, FINE_TAU * diag)
-        way0 = np.linalg.norm(se3.apply(h.move, evidence.vacated.points) - evidence.vacated.points, axis=1)
+        way0 = np.linalg.norm(
+            se3.apply(h.move, evidence.vacated.points) - evidence.vacated.points, axis=1
+        )
         back = se3.inverse(h.move)
-        way1 = np.linalg.norm(se3.apply(back, evidence.arrived.points) - evidence.arrived.points, axis=1)
+        way1 = np.linalg.norm(
+            se3.apply(back, evidence.arrived.points) - evidence.arrived.points, axis=1
+        )
         trust = np.maximum(0.0, 1.0 - LEAST_MOTION / diag * np.concatenate([way0, way1]))
         rows.append(np.concatenate([zero, one]) * trust)
     return np.array(rows)
@@ -127,8 +145,14 @@ def cover(saved: F64, price: float) -> list[int]:
         best, chosen = score, rows
 
 
-def choose(found: list[Hypothesis], evidence: Evidence, lands: tuple[Landing, Landing], diag: float,
-           price: float, rounds: int = 3) -> list[tuple[Hypothesis, float]]:
+def choose(
+    found: list[Hypothesis],
+    evidence: Evidence,
+    lands: tuple[Landing, Landing],
+    diag: float,
+    price: float,
+    rounds: int = 3,
+) -> list[tuple[Hypothesis, float]]:
     """Return the chosen motions with the cost of doing without each.
 
     Facility location over the hypotheses; the chosen ones are refined on what they explain and
@@ -139,13 +163,30 @@ def choose(found: list[Hypothesis], evidence: Evidence, lands: tuple[Landing, La
     for _ in range(rounds):
         fresh = []
         for c, own in _owners(saved, cover(saved, price)):
-            fresh.append(refine(pool[c], _subset(evidence, own), lands, (0.02 * diag, FINE_TAU * diag, 0.01 * diag), 4))
+            fresh.append(
+                refine(
+                    pool[c],
+                    _subset(evidence, own),
+                    lands,
+                    (0.02 * diag, FINE_TAU * diag, 0.01 * diag),
+                    4,
+                )
+            )
         pool += fresh
-        saved = np.concatenate([saved, saved_matrix(fresh, evidence, lands, diag)]) if fresh else saved
+        saved = (
+            np.concatenate([saved, saved_matrix(fresh, evidence, lands, diag)]) if fresh else saved
+        )
     rows = cover(saved, price)
     total = saved[rows].max(0).sum() if rows else 0.0
-    return [(pool[c], float(total - (saved[[r for r in rows if r != c]].max(0).sum() if len(rows) > 1 else 0.0)))
-            for c in rows]
+    return [
+        (
+            pool[c],
+            float(
+                total - (saved[[r for r in rows if r != c]].max(0).sum() if len(rows) > 1 else 0.0)
+            ),
+        )
+        for c in rows
+    ]
 
 
 def _owners(saved: F64, rows: list[int]) -> list[tuple[int, NDArray[np.bool_]]]:

@@ -38,7 +38,9 @@ def snapped(found: list[Hypothesis], study: Study, rng: np.random.Generator) -> 
         for axis in axes:
             cosine = float(axis @ h.axis)
             if np.cos(limit) < abs(cosine) < 1 - 1e-7:
-                out.append(Hypothesis(h.kind, axis * np.sign(cosine), h.origin, h.value * abs(cosine)))
+                out.append(
+                    Hypothesis(h.kind, axis * np.sign(cosine), h.origin, h.value * abs(cosine))
+                )
     return out
 
 
@@ -59,7 +61,10 @@ def slide_families(found: list[Hypothesis], study: Study, price: float) -> list[
     out: list[Hypothesis] = []
     for axis in axes:
         line = [Hypothesis(0, axis, study.box[0], float(s * v)) for v in steps for s in (1, -1)]
-        out += [line[c] for c in cover(saved_matrix(line, study.evidence, study.lands, study.diag), price)]
+        out += [
+            line[c]
+            for c in cover(saved_matrix(line, study.evidence, study.lands, study.diag), price)
+        ]
     return out
 
 

@@ -45,7 +45,9 @@ class _Base:
         return torch.where(far, along.abs(), along)
 
 
-def physical_steps(study: Study, joints: list[Joint], hard: NDArray[np.int64], paper: bool) -> list[Joint]:
+def physical_steps(
+    study: Study, joints: list[Joint], hard: NDArray[np.int64], paper: bool
+) -> list[Joint]:
     """Return the joints after gradient steps on the articulation, vector-field and physical losses.
 
     Args:
@@ -92,15 +94,24 @@ def _descend(study: Study, joint: Joint, part: int, hard: NDArray[np.int64], pap
     return kept
 
 
-def _joint_of(joint: Joint, free: torch.Tensor, value: torch.Tensor, scale: float, diag: float) -> Joint:
+def _joint_of(
+    joint: Joint, free: torch.Tensor, value: torch.Tensor, scale: float, diag: float
+) -> Joint:
     numbers = free.detach().numpy()
     axis = numbers[:3] / np.linalg.norm(numbers[:3])
     origin = numbers[3:] * diag if joint.kind == "revolute" else joint.origin
     return replace(joint, axis=axis, origin=origin, value=float(value.detach()) * scale)
 
 
-def _loss(joint: Joint, free: torch.Tensor, value: torch.Tensor, clouds: tuple[F64, F64], base: _Base, study: Study,
-          paper: bool) -> torch.Tensor:
+def _loss(
+    joint: Joint,
+    free: torch.Tensor,
+    value: torch.Tensor,
+    clouds: tuple[F64, F64],
+    base: _Base,
+    study: Study,
+    paper: bool,
+) -> torch.Tensor:
     zero, one = (torch.from_numpy(c) for c in clouds)
     steps = torch.tensor(SWEEP, dtype=torch.float64) * value
     still = torch.zeros_like(steps)
@@ -110,17 +121,26 @@ def _loss(joint: Joint, free: torch.Tensor, value: torch.Tensor, clouds: tuple[F
     if paper:
         matches = one[torch.from_numpy(cKDTree(clouds[1]).query(path[-1].detach().numpy())[1])]
         fit = (path[-1] - matches).square().sum(-1).mean()
-        contact = losses.contact_loss(path[-1], static_points=torch.from_numpy(base.points), paper=True)
+        contact = losses.contact_loss(
+            path[-1], static_points=torch.from_numpy(base.points), paper=True
+        )
     else:
         identity = torch.eye(3, dtype=torch.float64)[None]
-        fit = losses.vector_field_loss(path[-1], one, identity, torch.zeros(1, 3, dtype=torch.float64),
-                                       torch.ones(len(zero), 1, dtype=torch.float64), sigma=sigma)
+        fit = losses.vector_field_loss(
+            path[-1],
+            one,
+            identity,
+            torch.zeros(1, 3, dtype=torch.float64),
+            torch.ones(len(zero), 1, dtype=torch.float64),
+            sigma=sigma,
+        )
         contact = losses.contact_loss(path, sdf=base, margin=sigma) / sigma**2
     return fit + PHYS_WEIGHT * contact
 
 
-def part_diagnostics(study: Study, joints: list[Joint], hard: NDArray[np.int64], paper: bool
-                     ) -> tuple[tuple[dict[str, float], ...], tuple[str, ...]]:
+def part_diagnostics(
+    study: Study, joints: list[Joint], hard: NDArray[np.int64], paper: bool
+) -> tuple[tuple[dict[str, float], ...], tuple[str, ...]]:
     """Return the losses and residuals of every part, and notes on terms that were left out."""
     rows, notes = [], []
     for k, joint in enumerate(joints):
@@ -132,7 +152,9 @@ def part_diagnostics(study: Study, joints: list[Joint], hard: NDArray[np.int64],
     return tuple(rows), tuple(notes)
 
 
-def _measure(study: Study, joint: Joint, zero: F64, one: F64, base: _Base, paper: bool) -> dict[str, float]:
+def _measure(
+    study: Study, joint: Joint, zero: F64, one: F64, base: _Base, paper: bool
+) -> dict[str, float]:
     move = move_of(joint)
     repels = repel_points([(base.points, zero), (base.points, one)])
     if min(len(zero), len(one)) == 0:
@@ -141,18 +163,34 @@ def _measure(study: Study, joint: Joint, zero: F64, one: F64, base: _Base, paper
     gap, index = cKDTree(one).query(there)
     close = gap < study.tau
     weights = torch.ones(int(close.sum()), 1, dtype=torch.float64)
-    rot, trans = torch.from_numpy(move[None, :3, :3].copy()), torch.from_numpy(move[None, :3, 3].copy())
+    rot, trans = (
+        torch.from_numpy(move[None, :3, :3].copy()),
+        torch.from_numpy(move[None, :3, 3].copy()),
+    )
     zero_t = torch.from_numpy(zero)
     path = np.stack([se3.apply(joint.transform(s * joint.value), zero) for s in SWEEP])
-    velocity = losses.velocity_loss(zero_t[close], torch.from_numpy(one[index[close]]), weights, paper=paper)
+    velocity = losses.velocity_loss(
+        zero_t[close], torch.from_numpy(one[index[close]]), weights, paper=paper
+    )
     forces = repel_forces(zero, repels, 0.01 * study.diag, paper=paper)
     return {
-        "contact_loss": float(losses.contact_loss(torch.from_numpy(path), torch.from_numpy(base.points), base,
-                                                  0.5 * study.tau, paper)),
+        "contact_loss": float(
+            losses.contact_loss(
+                torch.from_numpy(path), torch.from_numpy(base.points), base, 0.5 * study.tau, paper
+            )
+        ),
         "velocity_loss": float(velocity),
-        "vector_field_loss": float(losses.vector_field_loss(
-            zero_t, torch.from_numpy(one[index] if paper else one), rot, trans,
-            torch.ones(len(zero), 1, dtype=torch.float64), sigma=study.tau, paper=paper)),
+        "vector_field_loss": float(
+            losses.vector_field_loss(
+                zero_t,
+                torch.from_numpy(one[index] if paper else one),
+                rot,
+                trans,
+                torch.ones(len(zero), 1, dtype=torch.float64),
+                sigma=study.tau,
+                paper=paper,
+            )
+        ),
         "motion_residual": float(np.median(gap)),
         "repel_points": float(len(repels)),
         "repel_gradient": joint_gradient(zero, forces, joint) if len(repels) else 0.0,

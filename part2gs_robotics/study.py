@@ -60,7 +60,9 @@ class Study:
         """Matching distance in scene units."""
         return FINE_TAU * self.diag
 
-    def gaussian_labels(self, hard: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    def gaussian_labels(
+        self, hard: NDArray[np.int64]
+    ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         """Return per-state labels of the Gaussians from labels of all surfels."""
         n0 = len(self.surfels[0])
         return hard[:n0][self.nearest[0]], hard[n0:][self.nearest[1]]
@@ -68,9 +70,14 @@ class Study:
 
 def gather(scene: Scene, gaussians: tuple[Gaussians, Gaussians]) -> Study:
     """Return the study of two fitted states."""
-    maps = render_depth_maps(gaussians[0], scene.states[0]), render_depth_maps(gaussians[1], scene.states[1])
+    maps = (
+        render_depth_maps(gaussians[0], scene.states[0]),
+        render_depth_maps(gaussians[1], scene.states[1]),
+    )
     solid = np.concatenate([g.means[g.opacities > 0.5] for g in gaussians]).astype(np.float64)
-    rough = float(np.linalg.norm(np.quantile(solid, 0.998, axis=0) - np.quantile(solid, 0.002, axis=0)))
+    rough = float(
+        np.linalg.norm(np.quantile(solid, 0.998, axis=0) - np.quantile(solid, 0.002, axis=0))
+    )
     surfels = [_own_surface(maps[s], scene.states[s].images, rough) for s in (0, 1)]
     points = np.concatenate([s.points for s in surfels])
     lo, hi = points.min(0), points.max(0)
@@ -80,13 +87,35 @@ def gather(scene: Scene, gaussians: tuple[Gaussians, Gaussians]) -> Study:
         seen = observe(surfels[s].points, maps[1 - s], FREE_TOLERANCE * diag)
         moved.append(surfels[s].select((seen.free >= MIN_VIEWS) & (seen.free > 2 * seen.surface)))
         claimed = ((seen.surface >= MIN_VIEWS) & (seen.surface > 2 * seen.free)).astype(np.float64)
-        lands.append(build_landing(surfels[s], claimed, maps[s], lo - 0.05 * diag, hi + 0.05 * diag,
-                                   SURFEL_VOXEL * diag, 0.05 * diag))
-    nearest = [np.asarray(cKDTree(surfels[s].points).query(gaussians[s].means)[1], np.int64) for s in (0, 1)]
+        lands.append(
+            build_landing(
+                surfels[s],
+                claimed,
+                maps[s],
+                lo - 0.05 * diag,
+                hi + 0.05 * diag,
+                SURFEL_VOXEL * diag,
+                0.05 * diag,
+            )
+        )
+    nearest = [
+        np.asarray(cKDTree(surfels[s].points).query(gaussians[s].means)[1], np.int64)
+        for s in (0, 1)
+    ]
     views = [small_views(state, PROOF_VIEWS, PROOF_SIDE) for state in scene.states]
     pair = surfels[0], surfels[1]
-    return Study(gaussians, maps, pair, (lands[0], lands[1]), Evidence(moved[0], moved[1]), build_graph(pair),
-                 (nearest[0], nearest[1]), (views[0], views[1]), (lo, hi), diag)
+    return Study(
+        gaussians,
+        maps,
+        pair,
+        (lands[0], lands[1]),
+        Evidence(moved[0], moved[1]),
+        build_graph(pair),
+        (nearest[0], nearest[1]),
+        (views[0], views[1]),
+        (lo, hi),
+        diag,
+    )
 
 
 def _own_surface(maps: DepthMaps, images: NDArray[np.uint8], diag: float) -> Surfels:

@@ -34,11 +34,14 @@ class Surfels:
 
     def select(self, index: NDArray[np.bool_] | NDArray[np.int64]) -> Surfels:
         """Return the surfels picked by a mask or by indices."""
-        return Surfels(self.points[index], self.normals[index], self.colors[index], self.views[index])
+        return Surfels(
+            self.points[index], self.normals[index], self.colors[index], self.views[index]
+        )
 
 
-def fuse_surfels(maps: DepthMaps, images: NDArray[np.uint8], voxel: float, *, min_views: int = 3,
-                 stride: int = 2) -> Surfels:
+def fuse_surfels(
+    maps: DepthMaps, images: NDArray[np.uint8], voxel: float, *, min_views: int = 3, stride: int = 2
+) -> Surfels:
     """Return one averaged surfel per voxel and facing direction, seen by several views.
 
     Args:
@@ -67,20 +70,26 @@ def fuse_surfels(maps: DepthMaps, images: NDArray[np.uint8], voxel: float, *, mi
 
     keep = views >= min_views
     normal = mean(normals)[keep]
-    normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-9)  # opposite normals cancel
+    normal /= np.maximum(
+        np.linalg.norm(normal, axis=1, keepdims=True), 1e-9
+    )  # opposite normals cancel
     return Surfels(mean(points)[keep], normal, mean(colors)[keep], views[keep])
 
 
-def _view_samples(maps: DepthMaps, images: NDArray[np.uint8], v: int, stride: int) -> tuple[F64, F64, F64]:
+def _view_samples(
+    maps: DepthMaps, images: NDArray[np.uint8], v: int, stride: int
+) -> tuple[F64, F64, F64]:
     depth = maps.depths[v].astype(np.float64)
     height, width = depth.shape
     s = NORMAL_STEP
-    rows, cols = np.mgrid[s:height - s:stride, s:width - s:stride]
+    rows, cols = np.mgrid[s : height - s : stride, s : width - s : stride]
     fx, fy = maps.Ks[v][0, 0], maps.Ks[v][1, 1]
 
     def unproject(r: NDArray[np.int64], c: NDArray[np.int64]) -> F64:
         z = depth[r, c]
-        return np.stack([(c + 0.5 - maps.Ks[v][0, 2]) / fx * z, (r + 0.5 - maps.Ks[v][1, 2]) / fy * z, z], -1)
+        return np.stack(
+            [(c + 0.5 - maps.Ks[v][0, 2]) / fx * z, (r + 0.5 - maps.Ks[v][1, 2]) / fy * z, z], -1
+        )
 
     across = unproject(rows, cols + s) - unproject(rows, cols - s)
     down = unproject(rows + s, cols) - unproject(rows - s, cols)
@@ -93,6 +102,8 @@ def _view_samples(maps: DepthMaps, images: NDArray[np.uint8], v: int, stride: in
     normal = np.cross(down, across)[ok]
     normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-12)
     points = middle[ok]
-    normal *= -np.sign((normal * points).sum(1, keepdims=True) + 1e-12)  # towards the camera at the origin
+    normal *= -np.sign(
+        (normal * points).sum(1, keepdims=True) + 1e-12
+    )  # towards the camera at the origin
     rot, trans = maps.viewmats[v][:3, :3], maps.viewmats[v][:3, 3]
     return (points - trans) @ rot, normal @ rot, images[v][rows[ok], cols[ok]] / 255.0
