@@ -120,6 +120,7 @@ class _Corridor:
         name = re.sub(r"[^a-z0-9_]+", "_", self.scene.path.resolve().name.lower()).strip("_")
         twin = Twin(name or "twin", parts, self.scene.meters_per_unit, self.scene.up,
                     (*self.scene.notes, *motion.notes))
+        twin = self._separate(twin)
         began = time.monotonic()
         with self.store.new_files() as folder:
             text = yaml.safe_dump(to_dict(self.config), sort_keys=False)
@@ -188,6 +189,16 @@ class _Corridor:
 
         return self._stage("04_mesh", key, compute, save_parts, load_parts,
                            lambda p: f"{sum(len(part.mesh.faces) for part in p)} triangles")
+
+    def _separate(self, twin: Twin) -> Twin:
+        """Return the twin with neighbours' collision pieces apart along every joint."""
+        from part2gs_robotics.clearance import separate_pieces
+
+        began = time.monotonic()
+        apart = separate_pieces(twin)
+        self._done("separate", time.monotonic() - began,
+                   f"{sum(len(part.pieces) for part in apart.parts)} collision pieces")
+        return apart
 
     def _stage(self, name: str, key: str, compute: Callable[[], T], save: Callable[[T], Saved],
                load: Callable[[Saved], T], number: Callable[[T], str]) -> T:
