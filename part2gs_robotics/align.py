@@ -55,7 +55,8 @@ def align(
     """Return the joints after direct alignment against both states' views.
 
     Args:
-        gaussians: of both states.  labels: [N_s] part of every Gaussian, 0 = base.
+        gaussians: of both states.
+        labels: [N_s] part of every Gaussian, 0 = base.
         joints: of parts 1..K, all relative to the base.
         views: images of both states.
         diag: diagonal of the object in scene units.
@@ -65,19 +66,19 @@ def align(
         for _ in range(STEPS):
             systems = _systems(gaussians, labels, joints, views, diag, blur)
             joints = [perturbed(j, _solve(s), diag) for j, s in zip(joints, systems, strict=True)]
-    joints = _judged(gaussians, labels, start, joints, views)
+    joints = judged(gaussians, labels, start, joints, views)
     systems = _systems(gaussians, labels, joints, views, diag, BLURS[-1])
     return [_with_sigma(j, s, diag) for j, s in zip(joints, systems, strict=True)]
 
 
-def _judged(
+def judged(
     gaussians: tuple[Gaussians, Gaussians],
     labels: tuple[NDArray[np.int64], NDArray[np.int64]],
     start: list[Joint],
     end: list[Joint],
     views: tuple[SmallViews, SmallViews],
 ) -> list[Joint]:
-    """Return, joint by joint, the end where the images prefer it to the start."""
+    """Return, joint by joint, `end` where the images prefer it to `start`."""
 
     def cost(joints: list[Joint]) -> float:
         return both_cost(
@@ -89,7 +90,7 @@ def _judged(
     for k, old in enumerate(start):
         trial = [*kept[:k], old, *kept[k + 1 :]]
         value = cost(trial)
-        logger.info("align part %d: cost %.4f aligned, %.4f before", k + 1, best, value)
+        logger.info("part %d: image cost %.4f after, %.4f before", k + 1, best, value)
         if value < best:
             kept, best = trial, value
     return kept
@@ -231,7 +232,7 @@ def _hidden_edge(z: F32, own: F32, diag: float) -> NDArray[np.bool_]:
 def _add_pixels(
     system: _System,
     rates: F64,
-    index: tuple[NDArray[np.intp], NDArray[np.intp]],
+    index: tuple[NDArray[np.intp], ...],
     z: F32,
     gradients: tuple[F32, F32],
     difference: F32,

@@ -86,8 +86,8 @@ def articulate(
     logger.info("evidence: %d of %d surfels left their place or are new in it", moved, total)
     if moved < MIN_EVIDENCE * total:
         raise FitError(
-            f"{scene.path}: only {moved} of {total} surface points moved between the states. Expected at "
-            f"least {MIN_EVIDENCE:.1%}. Photograph the object in two clearly different states."
+            f"{scene.path}: only {moved} of {total} surface points moved between the states. "
+            f"Expected at least {MIN_EVIDENCE:.1%}. Photograph the object in two clearly different states."
         )
     clock.tick("evidence", 1)
     pool = _pool(study, np.random.default_rng(config.seed), moved)
@@ -133,8 +133,9 @@ def _decide(study: Study, pool: list[Hypothesis], parts: int | None, scene: Scen
     verdict = decide(study, pool, parts, lambda text: logger.info("decide: %s", text))
     if not verdict.motions:
         raise FitError(
-            f"{scene.path}: no rigid motion explains the difference of the two states. Expected at least "
-            "one part that turns or slides; check that both states show the same object in one frame."
+            f"{scene.path}: no rigid motion explains the difference of the two states. "
+            "Expected at least one part that turns or slides; check that both states show the "
+            "same object in one frame."
         )
     return verdict
 
@@ -142,7 +143,7 @@ def _decide(study: Study, pool: list[Hypothesis], parts: int | None, scene: Scen
 def _finish(
     scene: Scene, study: Study, verdict: Verdict, config: ArticulateConfig, clock: _Clock
 ) -> Motion:
-    from part2gs_robotics.align import align
+    from part2gs_robotics.align import align, judged
     from part2gs_robotics.cross_render import small_views
     from part2gs_robotics.decide import Judge
     from part2gs_robotics.identity import refine_identities
@@ -159,15 +160,17 @@ def _finish(
         joints.append(
             choose_joint(h, own, judge.lands, study.tau, study.diag, judge.confidence(verdict, k))
         )
-    joints = physical_steps(study, joints, verdict.hard, config.paper_mode)
     views = (
         small_views(scene.states[0], ALIGN_VIEWS, ALIGN_SIDE),
         small_views(scene.states[1], ALIGN_VIEWS, ALIGN_SIDE),
     )
-    if not config.paper_mode:  # the paper refines the joints by its losses alone
-        joints = align(
-            study.gaussians, study.gaussian_labels(verdict.hard), joints, views, study.diag
-        )
+    labels = study.gaussian_labels(verdict.hard)
+    pulled = physical_steps(study, joints, verdict.hard, config.paper_mode)
+    if config.paper_mode:  # the paper refines the joints by its losses alone
+        joints = pulled
+    else:
+        joints = judged(study.gaussians, labels, joints, pulled, views)
+        joints = align(study.gaussians, labels, joints, views, study.diag)
     clock.tick("alignment", 4, len(joints))
     costs = judge.costs(joints, verdict.hard)
     unary = [

@@ -31,7 +31,8 @@ class Verdict:
 
     Attributes:
         motions: K motions.  hard: [N0 + N1] surfel labels, 0 = static.
-        surfel_cost: labelling energy per surfel.  image_cost: cross-rendering cost per object pixel.
+        surfel_cost: labelling energy per surfel.
+        image_cost: cross-rendering cost per object pixel.
         coherent: whether every motion carries its own surfels of one state onto those of the other.
     """
 
@@ -65,7 +66,7 @@ class Judge:
         return self._columns[id(h)][1]
 
     def coherent(self, motions: list[Hypothesis], hard: NDArray[np.int64]) -> bool:
-        """Return whether every motion's surfels of the poorer state land on its own of the richer one."""
+        """Return whether every motion carries its poorer state onto its richer one."""
         n0 = len(self.study.surfels[0])
         for k, h in enumerate(motions):
             own = np.flatnonzero(hard == k + 1)
@@ -89,14 +90,14 @@ class Judge:
         return hard, energy / len(hard)
 
     def best_of(self, sets: list[list[Hypothesis]]) -> Verdict:
-        """Return the best verdict of several sets; only the best by surfels are shown to the images."""
+        """Return the best of several sets; the images see only the best by surfels."""
         ranked = sorted(((self.sort_out(s), s) for s in sets), key=lambda pair: pair[0][1])
         return min((self.judge(s, known) for known, s in ranked[:SHOWN]), key=lambda v: v.cost)
 
     def judge(
         self, motions: list[Hypothesis], known: tuple[NDArray[np.int64], float] | None = None
     ) -> Verdict:
-        """Return the verdict on a set of motions (`known`: its labelling, if sorted out already)."""
+        """Return the verdict on a set of motions; `known` is what `sort_out` said."""
         hard, surfel_cost = known or self.sort_out(motions)
         labels = self.study.gaussian_labels(hard)
         image = both_cost(
@@ -109,7 +110,7 @@ class Judge:
         return Verdict(tuple(motions), hard, surfel_cost, image, self.coherent(motions, hard))
 
     def costs(self, joints: list[Joint], hard: NDArray[np.int64]) -> F64:
-        """Return [N0 + N1, K+1] cost of every surfel under every part, given the labelling so far."""
+        """Return [N0 + N1, K+1] cost of every surfel under every part, given labels."""
         moves = [np.eye(4), *(move_of(j) for j in joints)]
         return unary_costs(moves, self.study.surfels, self.lands, self.study.tau).cost(
             np.eye(len(moves))[hard]
@@ -126,7 +127,7 @@ class Judge:
         )  # 0.05: a colour step
 
     def polished(self, verdict: Verdict) -> Verdict:
-        """Return the better of the verdict and the same with every motion refined on its own surfels."""
+        """Return the verdict with motions refined on their own surfels where that helps."""
         n0, tau = len(self.study.surfels[0]), self.study.tau
         motions = list(verdict.motions)
         best = verdict
@@ -146,7 +147,7 @@ class Judge:
 def decide(
     study: Study, pool: list[Hypothesis], parts: int | None, say: Callable[[str], None]
 ) -> Verdict:
-    """Return the set of motions that pays: grown one by one, each step free to replace an earlier one.
+    """Return the set of motions that pays: grown one by one, earlier ones replaceable.
 
     Args:
         study: both states.

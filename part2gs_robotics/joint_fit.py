@@ -28,12 +28,15 @@ def move_of(joint: Joint) -> F64:
 
 
 def parameters(joint: Joint) -> F64:
-    """Return zeros, one per free parameter: two tilts, the value, and two offsets of a turning axis."""
+    """Return zeros: two tilts, the value, and two offsets of a turning axis."""
     return np.zeros(3 if joint.kind == "prismatic" else 5)
 
 
 def perturbed(joint: Joint, step: F64, diag: float) -> Joint:
-    """Return the joint moved by [P] (tilt, tilt in rad; value in rad or diagonals; offsets in diagonals)."""
+    """Return the joint moved by a [P] step of `parameters`.
+
+    Tilts are rad, the value rad or diagonals, offsets diagonals.
+    """
     side = np.linalg.svd(joint.axis[None])[2][1:]
     axis = joint.axis + step[0] * side[0] + step[1] * side[1]
     if joint.kind == "prismatic":

@@ -96,7 +96,11 @@ class Unary:
 
     def without(self, column: int) -> Unary:
         """Return the same with one motion left out."""
-        return Unary(*(np.delete(a, column, 1) for a in (self.match, self.target, self.miss)))
+        return Unary(
+            np.delete(self.match, column, 1),
+            np.delete(self.target, column, 1),
+            np.delete(self.miss, column, 1),
+        )
 
 
 def unary_costs(
@@ -114,8 +118,12 @@ def unary_costs(
         columns.append(
             (np.concatenate([zero[0], one[0]]), target, np.concatenate([zero[2], one[2]]))
         )
-    match, index, miss = (np.stack([c[i] for c in columns], 1) for i in range(3))
-    return Unary(match, index, np.where(miss == FREE_COST, miss, NEUTRAL_COST))
+    miss = np.stack([c[2] for c in columns], 1)
+    return Unary(
+        np.stack([c[0] for c in columns], 1),
+        np.stack([c[1] for c in columns], 1),
+        np.where(miss == FREE_COST, miss, NEUTRAL_COST),
+    )
 
 
 def label(unary: Unary, graph: Graph) -> tuple[NDArray[np.int64], float]:
@@ -144,7 +152,7 @@ def prune(
     """Drop motions the labelling does without for less than `price`, refine the others.
 
     Returns:
-        The motions kept, labels [N0 + N1] (0 = static, k = motion k - 1) and what each motion saves.
+        The motions kept, labels [N0 + N1] (0 = static, k = motion k - 1) and what each saves.
     """
     graph = build_graph(states)
     lands = unclaimed(lands[0]), unclaimed(lands[1])

@@ -16,7 +16,7 @@ TANGENT_WEIGHT = 0.15  # flat faces say nothing sideways; colour edges and rims 
 
 
 def joint_move(kind: int, params: F64) -> F64:
-    """Return the [4, 4] motion of (axis 3, origin 3, value 1) parameters; the axis need not be unit."""
+    """Return the [4, 4] motion of (axis 3 of any length, origin 3, value 1)."""
     axis = params[:3] / np.linalg.norm(params[:3])
     if kind:
         return se3.screw_motion(axis, params[3:6], float(params[6]), 0.0)
@@ -58,7 +58,7 @@ def _hypothesis(kind: int, params: F64) -> Hypothesis:
 def matches(
     move: F64, sets: tuple[Surfels, Surfels], lands: tuple[Landing, Landing], tau: float
 ) -> tuple[F64, F64, F64, F64]:
-    """Return matched (state-0 points, state-0 normals, state-1 points, state-1 normals), each [M, 3]."""
+    """Return matched points and normals of state 0, then of state 1, each [M, 3]."""
     cost, index, _ = land(move, sets[0], lands[1], tau)
     ok = (index >= 0) & (cost < INLIER_COST)
     back, back_index, _ = land(se3.inverse(move), sets[1], lands[0], tau)

@@ -107,7 +107,7 @@ def explained(
 def saved_matrix(
     found: list[Hypothesis], evidence: Evidence, lands: tuple[Landing, Landing], diag: float
 ) -> F64:
-    """Return [H, n] what every motion saves per evidence surfel; long ways are believed a little less."""
+    """Return [H, n] what motions save per evidence surfel; long ways are trusted less."""
     rows = []
     for h in found:
         zero, one = explained(h, evidence, lands, FINE_TAU * diag)
@@ -124,7 +124,12 @@ def saved_matrix(
 
 
 def cover(saved: F64, price: float) -> list[int]:
-    """Return the rows whose best-of saves most, each row costing `price`: add, drop and swap until none helps."""
+    """Return the rows whose best-of saves most: add, drop, swap until none helps.
+
+    Args:
+        saved: [H, n] what every row saves.
+        price: of every row.
+    """
     chosen: list[int] = []
     best = 0.0
 

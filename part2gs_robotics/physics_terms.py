@@ -89,7 +89,7 @@ def _descend(study: Study, joint: Joint, part: int, hard: NDArray[np.int64], pap
         if score < best:
             best, kept = score, _joint_of(joint, free, value, scale, study.diag)
         adam.zero_grad()
-        loss.backward()  # type: ignore[no-untyped-call]
+        loss.backward()
         adam.step()
     return kept
 

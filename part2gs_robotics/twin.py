@@ -33,7 +33,8 @@ class Part:
         name: file-safe name.  parent: index of the part that carries it (-1 for the base).
         mesh: visual mesh.  pieces: convex collision pieces (world frame at state 0).
         joint: None for the base; axis and origin in the world frame at state 0.
-        limits: joint range [2] covering 0 and joint.value; limits_source: measured | assumed | fitted.
+        limits: joint range [2] covering 0 and joint.value.
+        limits_source: measured | assumed | fitted.
         num_gaussians: Gaussians of both states that carry this identity.
         diagnostics: losses and residuals of the optimiser for this part (contact_loss,
             vector_field_loss, motion_residual, ...), reported beside the measured overlap.
