@@ -209,7 +209,7 @@ def _add_view(
                 part_z,
                 (across, down),
                 photo - drawn,
-                own,
+                own.astype(np.float32),
                 small,
                 v,
                 ROBUST[BLURS.index(blur)],

@@ -87,7 +87,8 @@ def articulate(
     if moved < MIN_EVIDENCE * total:
         raise FitError(
             f"{scene.path}: only {moved} of {total} surface points moved between the states. "
-            f"Expected at least {MIN_EVIDENCE:.1%}. Photograph the object in two clearly different states."
+            f"Expected at least {MIN_EVIDENCE:.1%}. Photograph the object in two "
+            "clearly different states."
         )
     clock.tick("evidence", 1)
     pool = _pool(study, np.random.default_rng(config.seed), moved)
