@@ -18,7 +18,7 @@ from part2gs_robotics.motion_search import Hypothesis
 from part2gs_robotics.study import Study
 
 F64 = NDArray[np.float64]
-PART_PRICE = 0.008  # of cost per object pixel plus cost per surfel: what one more part must save
+PART_PRICE = 0.003  # of cost per object pixel plus cost per surfel: what one more part must save
 POOL = 24  # hypotheses that compete; the search ranks true ones first
 MIN_SURFELS = 25  # in either state: less is the size of a floater
 MIN_MET = 0.5  # of the poorer state's surfels: a wrong motion that hides them meets fewer

@@ -19,6 +19,9 @@ CORRELATED = 20.0  # neighbouring surfels share their depth error: this many cou
 OUTLIER = 9.0  # squared residual in sigmas beyond which a surfel is no evidence (3 sigma)
 FAR_HINGE = 0.3  # of the diagonal: a hinge line this far from its part is attached to nothing
 FAR_PRICE = 20.0  # twice a "very strong" BIC difference
+SMALL_TURN = np.deg2rad(8.0)  # rad; bent depth makes a slide look like a turn of a few degrees
+DECIDED = 10.0  # a "very strong" BIC difference
+KINDS = ("prismatic", "revolute")
 PARAMETERS = {"prismatic": 3, "revolute": 5}
 
 
@@ -61,16 +64,15 @@ def choose_joint(
 
     BIC with the noise measured in the scene; a hinge far from its part pays extra.
     """
-    fits = {
-        "revolute": _as_kind(h, 1, own, lands, tau),
-        "prismatic": _as_kind(h, 0, own, lands, tau),
-    }
+    fits = {name: _as_kind(h, kind, own, lands, tau) for kind, name in enumerate(KINDS)}
     sigma = min(_noise(f, own, lands, tau) for f in fits.values())
     bic = {name: _bic(f, own, lands, tau, sigma, PARAMETERS[name]) for name, f in fits.items()}
+    bic[KINDS[h.kind]] -= DECIDED  # the images preferred this kind already
     points = np.concatenate([own[0].points, se3.apply(se3.inverse(h.move), own[1].points)])
     turn = fits["revolute"]
     arm = np.linalg.norm(np.cross(points - turn.origin, turn.axis), axis=1).min()
     bic["revolute"] += FAR_PRICE if arm > FAR_HINGE * diag else 0.0
+    bic["revolute"] += FAR_PRICE if abs(turn.value) < SMALL_TURN else 0.0
     kind = min(bic, key=lambda name: bic[name])
     return _joint(fits[kind], points.mean(0), bic, confidence)
 
@@ -91,8 +93,8 @@ def _as_kind(
     tau: float,
 ) -> Hypothesis:
     taus = (1.3 * tau, tau, 0.7 * tau)
-    if h.kind == kind:
-        return refine(h, own, lands, taus, 4)
+    if h.kind == kind:  # refined already, and judged by the images
+        return h
     centre = np.concatenate([own[0].points, se3.apply(se3.inverse(h.move), own[1].points)]).mean(0)
     if kind == 0:
         way = se3.apply(h.move, centre) - centre

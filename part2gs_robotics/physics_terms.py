@@ -37,6 +37,8 @@ class _Base:
         self.points, self.normals, self.tree = points, normals, cKDTree(points)
 
     def __call__(self, points: torch.Tensor) -> torch.Tensor:
+        if len(self.points) == 0:  # no static surface was seen: nothing to touch
+            return torch.full_like(points[..., 0], torch.inf)
         _, index = self.tree.query(points.detach().numpy())
         gap = points - torch.from_numpy(self.points[index])
         along = (gap * torch.from_numpy(self.normals[index])).sum(-1)
