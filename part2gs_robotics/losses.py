@@ -79,7 +79,7 @@ def contact_loss(
     if paper:
         assert static_points is not None, "the printed contact loss compares with static points"
         if len(flat) == 0 or len(static_points) == 0:
-            return flat.sum()
+            return flat.sum() * 0.0
         nearest = static_points[_nearest(flat, static_points)] - flat
         centroid = static_points.mean(0) - flat
         return torch.relu(-(_unit(nearest) * _unit(centroid)).sum(-1)).mean()
