@@ -1,0 +1,63 @@
+"""Direct alignment pulls a slightly wrong joint back to the images."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from part2gs_robotics import se3
+from part2gs_robotics.align import align
+from part2gs_robotics.cross_render import small_views
+from part2gs_robotics.joint_fit import move_of
+from part2gs_robotics.joints import Joint
+
+SIDE, VIEWS, DIAG = 128, 10, 1.2
+TRUTH = {
+    "revolute": Joint("revolute", np.array([0.0, 0, -1]), np.array([0.0, -0.05, 0.3]), 0.8),
+    "prismatic": Joint("prismatic", np.array([0.0, -1, 0]), np.array([0.4, 0.0, 0.3]), 0.3),
+}
+
+
+@pytest.fixture(scope="module", params=["revolute", "prismatic"])
+def photographed(request, toy):
+    """A textured plate in front of a base, moved by the true joint, drawn in both states."""
+    truth = TRUTH[request.param]
+    boxes = [toy.Box((0, 0, 0), (0.8, 0.5, 0.6), 1), toy.Box((0, -0.05, 0), (0.8, -0.02, 0.6), 2)]
+    gaussians, labels = toy.gaussians_of(boxes, 0.025)
+    after = toy.gaussians_of([boxes[0], replace(boxes[1], move=move_of(truth))], 0.025)[0]
+    Ks, cameras = toy.cameras(VIEWS, SIDE, np.array([0.4, 0.1, 0.3]), 1.3)
+    views = tuple(small_views(toy.drawn(g, Ks, cameras, SIDE), VIEWS, SIDE)
+                  for g in (gaussians, after))
+    return truth, (gaussians, after), (labels, labels), views
+
+
+def degrees_between(a, b):
+    return np.degrees(np.arctan2(np.linalg.norm(np.cross(a, b)), a @ b))
+
+
+def test_a_joint_off_by_one_degree_and_one_percent_comes_back(photographed):
+    truth, gaussians, labels, views = photographed
+    tilt = se3.rotation_from_rotvec(np.deg2rad(1.0) * np.array([0.8, 0.0, 0.6]))
+    start = replace(truth, axis=tilt @ truth.axis, value=truth.value * 1.01)
+    if truth.kind == "revolute":
+        start = replace(start, origin=truth.origin + np.array([0.008, -0.006, 0]))
+    found, = align(gaussians, labels, [start], views, DIAG)
+    assert degrees_between(start.axis, truth.axis) > 0.5
+    assert degrees_between(found.axis, truth.axis) < 0.1
+    assert found.value == pytest.approx(truth.value, rel=1e-3)
+    if truth.kind == "revolute":
+        arm = np.cross(found.origin - truth.origin, truth.axis)
+        assert np.linalg.norm(arm) < 1e-3 * DIAG
+        assert 0 < found.sigma_origin < 0.01
+    assert 0 < found.sigma_axis < np.deg2rad(1.0)
+    assert 0 < found.sigma_value < 0.01
+    assert found.kind == truth.kind
+
+
+def test_the_true_joint_stays(photographed):
+    truth, gaussians, labels, views = photographed
+    found, = align(gaussians, labels, [truth], views, DIAG)
+    assert degrees_between(found.axis, truth.axis) < 0.1
+    assert found.value == pytest.approx(truth.value, rel=1e-3)
