@@ -120,7 +120,8 @@ def saved_matrix(
         )
         trust = np.maximum(0.0, 1.0 - LEAST_MOTION / diag * np.concatenate([way0, way1]))
         rows.append(np.concatenate([zero, one]) * trust)
-    return np.array(rows)
+    size = len(evidence.vacated) + len(evidence.arrived)
+    return np.array(rows).reshape(len(rows), size)
 
 
 def cover(saved: F64, price: float) -> list[int]:
@@ -132,6 +133,8 @@ def cover(saved: F64, price: float) -> list[int]:
     """
     chosen: list[int] = []
     best = 0.0
+    if len(saved) == 0:
+        return chosen
 
     def value(rows: list[int]) -> float:
         return (float(saved[rows].max(0).sum()) if rows else 0.0) - price * len(rows)

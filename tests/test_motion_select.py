@@ -31,6 +31,12 @@ def test_each_row_must_save_its_price():
     assert cover(saved, 3.5) == []
 
 
+def test_without_hypotheses_nothing_is_chosen(slid):
+    assert cover(np.zeros((0, 5)), 1.0) == []
+    evidence, lands = evidence_of(slid)
+    assert choose([], evidence, lands, 2.0, 1.0) == []
+
+
 def test_a_copy_is_not_paid_for_twice():
     saved = np.array([[1.0, 1, 0], [1.0, 1, 0], [0, 0, 1]])
     rows = cover(saved, 0.1)

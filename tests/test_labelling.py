@@ -1,0 +1,102 @@
+"""Surfels are carried by the motion that explains them, and no motion is kept for nothing."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from part2gs_robotics import se3
+from part2gs_robotics.labelling import (
+    FOREIGN_COST,
+    NEUTRAL_COST,
+    Graph,
+    Unary,
+    build_graph,
+    label,
+    prune,
+    unary_costs,
+)
+from part2gs_robotics.landing import FREE_COST
+from part2gs_robotics.motion_search import Hypothesis
+
+TAU = 0.03
+
+
+def parts_of(world):
+    """Return surfels, landing grids, the true motion, and which surfels are surely the part's."""
+    states = tuple(s.surfels for s in world.states)
+    lands = tuple(s.land for s in world.states)
+    truth = Hypothesis(0, world.axis, np.array([0.2, 0.3, 0.4]), world.value)
+    lo, hi = np.array(world.block.lo), np.array(world.block.hi)
+    own = []
+    for s, back in zip(states, (np.eye(4), se3.inverse(truth.move)), strict=True):
+        points = se3.apply(back, s.points)
+        own.append(((points > lo - 0.005) & (points < hi + 0.005)).all(1))
+    return states, lands, truth, np.concatenate(own)
+
+
+def test_two_boxes_one_moved_are_told_apart(slid):
+    states, lands, truth, own = parts_of(slid)
+    unary = unary_costs([np.eye(4), truth.move], states, lands, TAU)
+    hard, energy = label(unary, build_graph(states))
+    points = np.concatenate([s.points for s in states])
+    seam = np.abs(points[:, 2] - slid.block.lo[2]) < 0.04  # within two voxels of the other box
+    assert (hard == own)[~seam].mean() > 0.97
+    assert (hard == own).mean() > 0.93
+    still = label(unary.without(1), build_graph(states))
+    assert not still[0].any()
+    assert still[1] > energy + 200
+
+
+def test_a_wrong_motion_and_a_copy_are_pruned(slid):
+    states, lands, truth, own = parts_of(slid)
+    wrong = Hypothesis(0, np.array([0.0, 0, 1]), truth.origin, 0.3)
+    copy = Hypothesis(0, truth.axis, truth.origin, truth.value * 1.01)
+    kept, hard, saves = prune([wrong, truth, copy], states, lands, TAU, 30.0)
+    assert len(kept) == 1
+    assert np.allclose(kept[0].axis * kept[0].value, truth.axis * truth.value, atol=0.005)
+    assert (hard == own).mean() > 0.93
+    assert saves[0] > 200
+
+
+def test_nothing_is_kept_when_the_price_is_too_high(slid):
+    states, lands, truth, _ = parts_of(slid)
+    kept, hard, saves = prune([truth], states, lands, TAU, 1e9)
+    assert kept == []
+    assert saves == []
+    assert not hard.any()
+
+
+def test_meeting_a_surfel_that_another_part_carries_costs_more():
+    """One surfel, met by both motions: who owns the target decides, up to the miss."""
+    unary = Unary(np.array([[0.1, 0.0], [0.0, 0.0]]), np.array([[1, 1], [-1, -1]]),
+                  np.array([[FREE_COST, NEUTRAL_COST], [FREE_COST, NEUTRAL_COST]]))
+    cost = unary.cost(np.array([[0.5, 0.5], [1.0, 0.0]]))
+    assert cost[0] == pytest.approx([0.1, FOREIGN_COST])
+    assert cost[1] == pytest.approx([FREE_COST, NEUTRAL_COST])
+    assert unary.without(0).cost(np.ones((2, 1))).shape == (2, 1)
+
+
+def test_neighbours_outvote_a_neutral_surfel_but_not_a_clear_one():
+    n = 11
+    neighbors = np.array([[j for j in range(n) if j != i] for i in range(n)])
+    graph = Graph(neighbors, np.ones((n, n - 1)))
+    none = np.full((n, 2), -1)
+    miss = np.tile([0.0, 1.0], (n, 1))
+    miss[0] = [0.3, 0.3]
+    hard, _ = label(Unary(miss, none, miss), graph)
+    assert hard[0] == 0
+    miss[0] = [3.0, 0.0]
+    hard, energy = label(Unary(miss, none, miss), graph)
+    assert hard[0] == 1
+    assert energy == pytest.approx(0.12 * 20)  # ten cut neighbours, seen from both ends
+
+
+def test_the_graph_stays_within_a_state_and_prefers_alike_normals(slid):
+    states, _, _, _ = parts_of(slid)
+    graph, n0 = build_graph(states), len(states[0])
+    assert (graph.neighbors[:n0] < n0).all()
+    assert (graph.neighbors[n0:] >= n0).all()
+    normals = np.concatenate([s.normals for s in states])
+    cosine = (normals[graph.neighbors] * normals[:, None]).sum(-1)
+    assert graph.weights[cosine > 0.9].mean() > 2 * graph.weights[cosine < 0.1].mean()
