@@ -61,12 +61,10 @@ def align(
         views: images of both states.
         diag: diagonal of the object in scene units.
     """
-    start = joints
     for blur in BLURS:
         for _ in range(STEPS):
             systems = _systems(gaussians, labels, joints, views, diag, blur)
             joints = [perturbed(j, _solve(s), diag) for j, s in zip(joints, systems, strict=True)]
-    joints = judged(gaussians, labels, start, joints, views)
     systems = _systems(gaussians, labels, joints, views, diag, BLURS[-1])
     return [_with_sigma(j, s, diag) for j, s in zip(joints, systems, strict=True)]
 

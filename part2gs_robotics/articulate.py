@@ -144,12 +144,13 @@ def _decide(study: Study, pool: list[Hypothesis], parts: int | None, scene: Scen
 def _finish(
     scene: Scene, study: Study, verdict: Verdict, config: ArticulateConfig, clock: _Clock
 ) -> Motion:
-    from part2gs_robotics.align import align, judged
+    from part2gs_robotics.align import judged
     from part2gs_robotics.cross_render import small_views
     from part2gs_robotics.decide import Judge
     from part2gs_robotics.identity import refine_identities
     from part2gs_robotics.joint_fit import choose_joint
     from part2gs_robotics.physics_terms import part_diagnostics, physical_steps
+    from part2gs_robotics.settle import settle
 
     judge, n0 = Judge(study), len(study.surfels[0])
     joints = []
@@ -165,21 +166,22 @@ def _finish(
         small_views(scene.states[0], ALIGN_VIEWS, ALIGN_SIDE),
         small_views(scene.states[1], ALIGN_VIEWS, ALIGN_SIDE),
     )
-    labels = study.gaussian_labels(verdict.hard)
+    hard = verdict.hard
+    labels = study.gaussian_labels(hard)
     pulled = physical_steps(study, joints, verdict.hard, config.paper_mode)
     if config.paper_mode:  # the paper refines the joints by its losses alone
         joints = pulled
     else:
         joints = judged(study.gaussians, labels, joints, pulled, views)
-        joints = align(study.gaussians, labels, joints, views, study.diag)
+        joints, hard = settle(judge, joints, hard, views)
     clock.tick("alignment", 4, len(joints))
-    costs = judge.costs(joints, verdict.hard)
+    costs = judge.costs(joints, hard)
     unary = [
         COST_TO_NATS * costs[:n0][study.nearest[0]],
         COST_TO_NATS * costs[n0:][study.nearest[1]],
     ]
     probs = refine_identities(unary[0], unary[1], study.gaussians, joints)
-    diagnostics, notes = part_diagnostics(study, joints, verdict.hard, config.paper_mode)
+    diagnostics, notes = part_diagnostics(study, joints, hard, config.paper_mode)
     clock.tick("identity", 5, len(joints))
     return Motion(
         (probs[0], probs[1]), tuple(joints), (0,) * len(joints), diagnostics, notes, clock.seconds

@@ -1,0 +1,87 @@
+"""Settlement: joints and labels taken in turn until both fit the images.
+
+With one moving part a joint is only aligned. Look-alike neighbours need more: while they hold each
+other's surfels their joints stay wrong, so alignment, relabelling and tuning alternate.
+"""
+
+from __future__ import annotations
+
+import logging
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from part2gs_robotics.align import align, judged
+from part2gs_robotics.cross_render import SmallViews, both_cost
+from part2gs_robotics.decide import Judge, Verdict, tune
+from part2gs_robotics.joint_fit import move_of
+from part2gs_robotics.joints import Joint
+from part2gs_robotics.motion_search import Hypothesis
+
+logger = logging.getLogger(__name__)
+Views = tuple[SmallViews, SmallViews]
+Labels = NDArray[np.int64]
+ROUNDS = 2  # of alignment and relabelling before and after tuning; a third changed < 0.05 deg
+THIN = 2  # every other view until the last alignment
+
+
+def settle(judge: Judge, joints: list[Joint], hard: Labels, views: Views) -> tuple[list[Joint], Labels]:
+    """Return the joints and surfel labels [N0 + N1] that the images prefer.
+
+    Args:
+        judge: of the study.
+        joints: of parts 1..K, start.
+        hard: surfel labels, start.
+        views: images of both states to align with.
+    """
+    study = judge.study
+    labels = study.gaussian_labels(hard)
+    if len(joints) == 1:
+        end = align(study.gaussians, labels, joints, views, study.diag)
+        return judged(study.gaussians, labels, joints, end, views), hard
+    thin = _thinned(views[0]), _thinned(views[1])
+    new, verdict = _alternate(judge, joints, hard, thin)
+    verdict = tune(judge, verdict, lambda text: logger.info("settle: %s", text))
+    new = [_follow(j, h) for j, h in zip(new, verdict.motions, strict=True)]
+    new, verdict = _alternate(judge, new, verdict.hard, thin)
+    end = align(study.gaussians, study.gaussian_labels(verdict.hard), new, views, study.diag)
+    costs = [_cost(judge, j, h, views) for j, h in ((joints, hard), (end, verdict.hard))]
+    logger.info("settle: image cost %.4f after, %.4f before", costs[1], costs[0])
+    if costs[1] < costs[0]:
+        return end, verdict.hard
+    kept = align(study.gaussians, labels, joints, views, study.diag)
+    return judged(study.gaussians, labels, joints, kept, views), hard
+
+
+def _alternate(
+    judge: Judge, joints: list[Joint], hard: Labels, views: Views
+) -> tuple[list[Joint], Verdict]:
+    study = judge.study
+    for _ in range(ROUNDS):
+        labels = study.gaussian_labels(hard)
+        joints = align(study.gaussians, labels, joints, views, study.diag)
+        verdict = judge.judge([_hypothesis(j) for j in joints])
+        hard = verdict.hard
+    return joints, verdict
+
+
+def _cost(judge: Judge, joints: list[Joint], hard: Labels, views: Views) -> float:
+    moves = [np.eye(4), *(move_of(j) for j in joints)]
+    study = judge.study
+    return both_cost(study.gaussians, study.gaussian_labels(hard), moves, views, (0.5, 0.5))
+
+
+def _hypothesis(joint: Joint) -> Hypothesis:
+    return Hypothesis(int(joint.kind == "revolute"), joint.axis, joint.origin, joint.value)
+
+
+def _follow(joint: Joint, motion: Hypothesis) -> Joint:
+    """Return the joint with the motion's axis, origin and value."""
+    origin = motion.origin if motion.kind else joint.origin
+    return replace(joint, axis=motion.axis, origin=origin, value=motion.value)
+
+
+def _thinned(views: SmallViews) -> SmallViews:
+    s = slice(None, None, THIN)
+    return SmallViews(views.colors[s], views.alphas[s], views.Ks[s], views.viewmats[s])
