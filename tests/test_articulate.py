@@ -61,6 +61,7 @@ def slid_block(toy):
     return observed(toy, [base, toy.Box(*block, 2)], [base, toy.Box(*block, 2, slide)])
 
 
+@pytest.mark.slow
 def test_a_single_slide_is_found_without_being_told_the_number(toy):
     motion = articulate(*slid_block(toy), ArticulateConfig())
     joint, = motion.joints
