@@ -26,7 +26,9 @@ ROUNDS = 2  # of alignment and relabelling before and after tuning; a third chan
 THIN = 2  # every other view until the last alignment
 
 
-def settle(judge: Judge, joints: list[Joint], hard: Labels, views: Views) -> tuple[list[Joint], Labels]:
+def settle(
+    judge: Judge, joints: list[Joint], hard: Labels, views: Views
+) -> tuple[list[Joint], Labels]:
     """Return the joints and surfel labels [N0 + N1] that the images prefer.
 
     Args:
