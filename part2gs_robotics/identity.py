@@ -91,22 +91,7 @@ def refine_identities(
         return np.ones((len(unary[0]), 1), np.float32), np.ones((len(unary[1]), 1), np.float32)
     graphs = [_graph(g, config) for g in gaussians]
     landings = _landings(gaussians, part_motions(joints, parents), config.reach_spacings)
-    embeddings = [-u for u in unary]
-    memory = [(np.zeros_like(u), np.zeros_like(u)) for u in unary]
-    probs = [_softmax(e) for e in embeddings]
-    for step in range(config.num_steps):
-        if is_hard(step, config.num_steps):
-            probs = [_one_hot(p.argmax(1), p.shape[1]) for p in probs]
-        support = [_support(landings[s], probs[1 - s]) for s in (0, 1)]
-        costs = [u - config.cross_weight * s for u, s in zip(unary, support, strict=True)]
-        temperature = part_temperature(step, config.num_steps)
-        for s in (0, 1):
-            if is_hard(step, config.num_steps):
-                probs[s] = _relabelled(probs[s], costs[s], graphs[s], config, step)
-                continue
-            _, gradient = soft_objective(embeddings[s], costs[s], graphs[s], config, temperature)
-            embeddings[s] = embeddings[s] - config.learning_rate * _adam(memory[s], gradient, step)
-            probs[s] = _softmax(embeddings[s] / temperature)
+    probs = _optimised(unary, landings, graphs, config)
     return _posterior(probs, unary, landings, graphs, config)
 
 
@@ -140,6 +125,29 @@ def part_motions(joints: Sequence[Joint], parents: Sequence[int] | None = None) 
         return own[0] if part == 0 else motion(parents[part - 1]) @ own[part]
 
     return [motion(part) for part in range(len(own))]
+
+
+def _optimised(
+    unary: list[F32], landings: tuple[I64, I64], graphs: list[csr_array], config: IdentityConfig
+) -> list[F32]:
+    """Return one-hot identities [N_s, K+1] after the soft and the hard steps."""
+    embeddings = [-u for u in unary]
+    memory = [(np.zeros_like(u), np.zeros_like(u)) for u in unary]
+    probs = [_softmax(e) for e in embeddings]
+    for step in range(config.num_steps):
+        if is_hard(step, config.num_steps):
+            probs = [_one_hot(p.argmax(1), p.shape[1]) for p in probs]
+        support = [_support(landings[s], probs[1 - s]) for s in (0, 1)]
+        costs = [u - config.cross_weight * s for u, s in zip(unary, support, strict=True)]
+        temperature = part_temperature(step, config.num_steps)
+        for s in (0, 1):
+            if is_hard(step, config.num_steps):
+                probs[s] = _relabelled(probs[s], costs[s], graphs[s], config, step)
+                continue
+            _, gradient = soft_objective(embeddings[s], costs[s], graphs[s], config, temperature)
+            embeddings[s] = embeddings[s] - config.learning_rate * _adam(memory[s], gradient, step)
+            probs[s] = _softmax(embeddings[s] / temperature)
+    return probs
 
 
 def _capped(unary: NDArray[np.floating], rows: int, parts: int, cap: float) -> F32:
