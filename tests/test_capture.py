@@ -17,7 +17,6 @@ from part2gs_robotics.capture_cameras import FOV_RAD, place_cameras
 from part2gs_robotics.cli import main
 from part2gs_robotics.config import ReadConfig
 from part2gs_robotics.errors import CheckError, ConfigError, SceneError
-from part2gs_robotics.model_files import check_model_files
 from part2gs_robotics.readers import read_scene
 
 BALL = """<mujoco><worldbody><geom type="plane" size="9 9 .1"/>
@@ -253,62 +252,3 @@ def test_an_unwritable_place_is_named(model: Make, tmp_path: Path):
     (tmp_path / "file").write_text("")
     with pytest.raises(SceneError, match="cannot be written"):
         capture(model(BOX), tmp_path / "file/s", views=4, size=32)
-
-
-def with_mesh(name: str, folder: str = "") -> str:
-    compiler = f'<compiler meshdir="{folder}"/>' if folder else ""
-    return f'<mujoco>{compiler}<asset><mesh file="{name}"/></asset></mujoco>'
-
-
-@pytest.mark.parametrize(
-    "text",
-    [
-        with_mesh("../secret.stl"),
-        with_mesh("a/../../secret.stl"),
-        with_mesh("/etc/passwd"),
-        with_mesh("file:///etc/passwd"),
-        with_mesh("http://example.com/a.stl"),
-        with_mesh("..\\secret.stl"),
-        with_mesh("link.stl"),
-        with_mesh("secret.stl", ".."),
-        with_mesh("passwd", "/etc"),
-        with_mesh("package://../secret.stl"),
-        '<mujoco><include file="../other.xml"/></mujoco>',
-        '<mujoco><asset><texture fileup="/etc/passwd"/></asset></mujoco>',
-        '<mujoco><asset><hfield file="../../h.png"/></asset></mujoco>',
-        '<robot name="r"><link name="b"><visual><geometry><mesh filename="../secret.stl"/>'
-        "</geometry></visual></link></robot>",
-    ],
-)
-def test_references_that_leave_the_folder_are_refused(model: Make, tmp_path: Path, text: str):
-    (tmp_path / "secret.stl").write_text("secret")
-    path = model(text)
-    (path.parent / "link.stl").symlink_to(tmp_path / "secret.stl")
-    with pytest.raises(CheckError, match="leaves the folder"):
-        check_model_files(path)
-
-
-def test_includes_are_followed_and_inspected(model: Make, tmp_path: Path):
-    model('<mujocoinclude><include file="c.xml"/></mujocoinclude>', "b.xml")
-    main = model('<mujoco><include file="b.xml"/></mujoco>')
-    leaf = model(with_mesh("ok.stl"), "c.xml")
-    assert {p.name for p in check_model_files(main)} == {"model.xml", "b.xml", "c.xml"}
-    leaf.write_text(with_mesh("../../secret.stl"))
-    with pytest.raises(CheckError, match=r"c\.xml: refers to '\.\./\.\./secret\.stl'"):
-        check_model_files(main)
-    leaf.write_text('<mujocoinclude><include file="model.xml"/></mujocoinclude>')
-    assert len(check_model_files(main)) == 3  # a loop ends
-
-
-@pytest.mark.parametrize("encoding", ["utf-8", "utf-16"])
-def test_entities_are_refused_in_any_encoding(model: Make, encoding: str):
-    path = model("")
-    bomb = '<!DOCTYPE m [<!ENTITY a "aaaa"><!ENTITY b "&a;&a;">]><mujoco model="&b;"/>'
-    path.write_bytes(bomb.encode(encoding))
-    with pytest.raises(CheckError, match="document type declaration"):
-        check_model_files(path)
-
-
-def test_meshes_below_the_folder_are_accepted(model: Make):
-    path = model(with_mesh("../textures/a.stl", "meshes"))
-    assert check_model_files(path) == (path,)
