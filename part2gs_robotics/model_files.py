@@ -126,7 +126,7 @@ def _inside(name: str, bases: list[Path], folder: Path, where: Path) -> list[Pat
     if "://" in plain or "\\" in plain or Path(plain).is_absolute() or outside or not inside:
         raise CheckError(
             f"{where}: refers to {name[:200]!r}, which leaves the folder {folder} "
-            "or is no file name. Expected every mesh, texture and include below the model's own folder; "
-            "copy the file there and use a relative path."
+            "or is no file name. Expected every mesh, texture and include below the model's own "
+            "folder; copy the file there and use a relative path."
         )
     return inside
