@@ -9,6 +9,14 @@ from launch import LaunchContext, LaunchDescription
 from launch.actions import DeclareLaunchArgument, ExecuteProcess, OpaqueFunction
 from launch.substitutions import LaunchConfiguration
 
+# mujoco.viewer's own command, but warnings go to the screen: by default the engine leaves them in
+# a file MUJOCO_LOG.TXT where the user stands.
+VIEWER = (
+    "import sys, mujoco, mujoco.viewer; "
+    "mujoco.set_mju_user_warning(lambda text: print('MuJoCo:', text, file=sys.stderr)); "
+    "mujoco.viewer.launch_from_path(sys.argv[1])"
+)
+
 
 def simulate(context: LaunchContext) -> list[ExecuteProcess]:
     """Return the viewer's process for the MJCF that the argument `model` names."""
@@ -18,7 +26,7 @@ def simulate(context: LaunchContext) -> list[ExecuteProcess]:
             f"{path}: no such MJCF. Expected the scene.xml of a build; give model:=/path/scene.xml"
         )
     python = LaunchConfiguration("python").perform(context)
-    command = [python, "-m", "mujoco.viewer", f"--mjcf={path}"]
+    command = [python, "-c", VIEWER, str(path)]
     return [ExecuteProcess(cmd=command, output="screen")]
 
 

@@ -23,6 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from part2gs_robotics.capture_cameras import FOV_RAD, place_cameras
+from part2gs_robotics.engine import logged_messages
 from part2gs_robotics.errors import ConfigError, SceneError
 
 if TYPE_CHECKING:
@@ -87,7 +88,7 @@ def capture(
 
     _check_numbers(views, test_views, size)
     began = time.perf_counter()
-    with _new_folders(scene) as (folder, truth), Rig(model, size) as rig:
+    with logged_messages(str(model)), _new_folders(scene) as (folder, truth), Rig(model, size) as rig:
         moves = _choose_states(rig, states, model)
         clouds = [_posed(rig, moves, s) for s in (0, 1)]
         cloud = np.concatenate(clouds)

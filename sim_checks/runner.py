@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Collection, Iterator
-from contextlib import contextmanager
+from collections.abc import Collection
+from dataclasses import replace
 from pathlib import Path
 
+from part2gs_robotics.engine import distinct, engine_messages
 from part2gs_robotics.errors import CheckError
 from part2gs_robotics.exporters.twin_yaml import TwinSummary, read_twin_yaml
 from part2gs_robotics.model_files import check_model_files
@@ -48,14 +49,18 @@ def check(
     wanted = _wanted(only, quick)
     folder, files, summary = _files(Path(path))
     engine = f"mujoco {mujoco.__version__}"
-    with _engine_messages() as messages:
+    with engine_messages() as messages:
+        # the engine keeps meshes by name and second of change: a file rewritten at once is stale
+        mujoco.mj_clearCache(mujoco.mj_getCache())
         results, subject = _compile(files, messages)
         report = CheckReport(str(path), engine, tuple(results))
+        messages.clear()
         if subject is not None:
             twin = folder is not None
             steps, poses = (QUICK_STEPS, QUICK_POSES) if quick else (steps, 64)
             report = _run(report, subject, summary, wanted, steps, poses, twin)
-    return _with_seconds(report, time.perf_counter() - began)
+    said = tuple(f"the engine warned: {line}" for line in distinct(messages))
+    return replace(report, notes=report.notes + said, seconds=time.perf_counter() - began)
 
 
 def _wanted(only: Collection[str] | None, quick: bool) -> set[str]:
@@ -101,7 +106,7 @@ def _compile(files: list[Path], messages: list[str]) -> tuple[list[CheckResult],
             continue
         if subject is not None and subject.model.nbody == 1 and not subject.model.ngeom:
             messages.append("the model is empty")
-        said = "; ".join(m.splitlines()[0] for m in messages if m.strip())
+        said = "; ".join(distinct(messages))
         status = passed(not said)
         rows.append(CheckResult("compile", file.name, status, detail=said or "no warning"))
     return rows, subject
@@ -111,21 +116,6 @@ def _plain_words(message: str) -> str:
     line = " ".join(message.split())
     hints = [hint for key, hint in WORDS.items() if key in line]
     return f"{line} ({hints[0]})" if hints else line
-
-
-@contextmanager
-def _engine_messages() -> Iterator[list[str]]:
-    """Collect the engine's warnings, which would otherwise go to a log file in the way."""
-    import mujoco
-
-    messages: list[str] = []
-    mujoco.set_mju_user_warning(messages.append)
-    # the engine keeps meshes by name and second of change: a file rewritten at once would be stale
-    mujoco.mj_clearCache(mujoco.mj_getCache())
-    try:
-        yield messages
-    finally:
-        mujoco.set_mju_user_warning(None)
 
 
 def _run(
@@ -166,9 +156,3 @@ def _run(
         ("base fixed, parent-child contacts not filtered, automatic reset off", *notes),
         size=subject.size,
     )
-
-
-def _with_seconds(report: CheckReport, seconds: float) -> CheckReport:
-    from dataclasses import replace
-
-    return replace(report, seconds=seconds)

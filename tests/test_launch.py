@@ -161,7 +161,37 @@ def test_simulate_opens_the_model_in_the_viewer(tmp_path: Path) -> None:
     description = module.generate_launch_description()
     (process,) = started(description, model=str(tmp_path / "scene.xml"))
     command = process.kwargs["cmd"]
-    assert command == ["python3", "-m", "mujoco.viewer", f"--mjcf={tmp_path / 'scene.xml'}"]
+    assert command == ["python3", "-c", module.VIEWER, str(tmp_path / "scene.xml")]
+
+
+# Physics that warns, in place of the window that needs a screen.
+WINDOW = """
+import mujoco, mujoco.viewer
+def steps(path):
+    model = mujoco.MjModel.from_xml_path(path)
+    data = mujoco.MjData(model)
+    data.qvel[0] = 1e20
+    mujoco.mj_step(model, data)
+mujoco.viewer.launch_from_path = steps
+"""
+
+
+@pytest.mark.usefixtures("stubs")
+def test_the_viewer_says_warnings_and_leaves_no_log_file(tmp_path: Path) -> None:
+    (tmp_path / "scene.xml").write_text(
+        '<mujoco><worldbody><body><joint/><geom size=".1"/></body></worldbody></mujoco>'
+    )
+    code = WINDOW + load(ROOT / "launch/simulate.launch.py").VIEWER
+    done = subprocess.run(
+        [sys.executable, "-c", code, "scene.xml"],
+        cwd=tmp_path,
+        text=True,
+        capture_output=True,
+        timeout=60,
+        check=True,
+    )
+    assert "MuJoCo: Nan, Inf or huge value in QVEL" in done.stderr
+    assert [p.name for p in tmp_path.iterdir()] == ["scene.xml"]
 
 
 @pytest.mark.usefixtures("stubs")

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
+from part2gs_robotics.engine import engine_messages
 from part2gs_robotics.exporters.dynamics import physics_of
 from part2gs_robotics.sim_checks import check
 from part2gs_robotics.sim_checks.stability import check_stability, run_to_end
@@ -20,6 +22,13 @@ SLIDER = """<mujoco>
   </body></worldbody>
   <actuator><position joint="j" kp="{kp}" kv="{kv}" {force}/></actuator>
 </mujoco>"""
+
+
+@pytest.fixture(autouse=True)
+def _no_log_file() -> Iterator[None]:
+    """The rooms below `check` leave the engine's words to it."""
+    with engine_messages():
+        yield
 
 
 def slider(folder: Path, **numbers: object) -> Path:
