@@ -88,7 +88,11 @@ def capture(
 
     _check_numbers(views, test_views, size)
     began = time.perf_counter()
-    with logged_messages(str(model)), _new_folders(scene) as (folder, truth), Rig(model, size) as rig:
+    with (
+        logged_messages(str(model)),
+        _new_folders(scene) as (folder, truth),
+        Rig(model, size) as rig,
+    ):
         moves = _choose_states(rig, states, model)
         clouds = [_posed(rig, moves, s) for s in (0, 1)]
         cloud = np.concatenate(clouds)

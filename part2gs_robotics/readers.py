@@ -96,7 +96,7 @@ def read_scene_yaml(path: Path) -> dict[object, object]:
 
 def _read_layout(path: Path, config: ReadConfig) -> tuple[str, States]:
     if is_artgs(path):
-        return "artgs", read_artgs(path, config.allow_missing)
+        return "artgs", read_artgs(path, config.allow_missing, config.depth)
     for names in STATE_FOLDERS:
         jsons = [_state_json(path / name) for name in names]
         if any(jsons):

@@ -178,25 +178,6 @@ def test_inverted_masks_are_turned(scene: Path) -> None:
     assert np.array_equal(got, want)
 
 
-@pytest.mark.parametrize("size", [48, 24])
-def test_depth_of_any_size_is_read_in_scene_units(scene: Path, size: int) -> None:
-    file = scene / "transforms_train_start.json"
-    content = json.loads(file.read_text())
-    counts = np.full((size, size), 4000, np.uint16)
-    counts[0, 0] = 50  # nearer than 0.1: invalid
-    write_png(scene / "depth.png", counts)
-    for frame in content["frames"]:
-        frame["depth_file_path"] = "depth.png"
-    file.write_text(json.dumps(content))
-    scene_read = read_scene(scene, ReadConfig())
-    depths = scene_read.states[0].depths
-    assert depths is not None
-    assert np.isclose(depths[0, -1, -1], 4.0)
-    assert depths[0, 0, 0] == 0
-    assert scene_read.states[1].depths is None
-    assert read_scene(scene, ReadConfig(depth=False)).states[0].depths is None
-
-
 def test_undistortion_inverts_the_lens() -> None:
     """A dot drawn where the distorted camera sees a point is found where the pinhole sees it."""
     K = np.array([[120.0, 0, 64.0], [0, 118.0, 63.0], [0, 0, 1]])
