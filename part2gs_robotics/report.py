@@ -20,7 +20,10 @@ from part2gs_robotics.twin import Part
 __all__ = ["ReportData", "engine_versions", "report_json", "write_report"]
 
 # Everything whose version can change a number of the report.
-ENGINES = ("mujoco", "manifold3d", "trimesh", "numpy", "numba", "torch", "scipy", "scikit-image")
+ENGINES = (
+    "mujoco", "manifold3d", "trimesh", "pymeshlab", "numpy", "numba", "torch", "scipy",
+    "scikit-image",
+)  # fmt: skip
 
 
 def write_report(folder: Path, data: ReportData) -> None:
@@ -125,5 +128,3 @@ def _plain_mapping(value: Mapping[str, object] | Mapping[str, float]) -> dict[st
 def _plain_curves(data: ReportData) -> Iterator[tuple[str, list[tuple[object, object]]]]:
     for label, points in data.curves:
         yield label, [(_plain(float(s)), _plain(float(d))) for s, d in points]
-
-

@@ -14,10 +14,13 @@ import numpy as np
 import pytest
 import yaml
 
+from part2gs_robotics.clearance import separate_pieces
 from part2gs_robotics.joints import Joint
 from part2gs_robotics.report import ReportData, write_report
 from part2gs_robotics.report_data import assumed_numbers, check_rows
 from part2gs_robotics.report_figures import MAX_PICTURE_PX, curve_svg, png_uri
+from part2gs_robotics.solids import to_manifold, to_mesh
+from part2gs_robotics.synth import toy_cabinet_twin
 from part2gs_robotics.twin import Part, PartMesh, Twin
 
 HOSTILE = "<script>alert('x')</script> & \"quoted\" ünïcode 日本"
@@ -196,6 +199,20 @@ def test_sweeps_losses_and_notes_of_the_checks_are_shown(tmp_path: Path) -> None
     assert "part_10.25—" in page.words
     assert "<decimated>" in page.words
     assert "reach: part_1pass" in page.words
+
+
+def test_notes_added_after_articulation_are_listed(tmp_path: Path) -> None:
+    """A drawer deep inside one convex piece of the base cannot be cut free: the report says so."""
+    cabinet = toy_cabinet_twin(1)
+    block = (to_mesh(to_manifold(cabinet.parts[0].mesh).hull()),)
+    parts = (replace(cabinet.parts[0], pieces=block), *cabinet.parts[1:])
+    stuck = separate_pieces(replace(cabinet, parts=parts, notes=("depth ignored",)))
+    content, page = written(tmp_path, report(twin=stuck, notes=("base fixed", "depth ignored")))
+    assert content["notes"][0] == "depth ignored"
+    assert content["notes"][-1] == "base fixed"
+    assert any("too deep to cut back: base and part_1" in note for note in content["notes"])
+    listed = page.words.partition("Notes")[2]
+    assert all(note in listed for note in content["notes"])
 
 
 def test_checks_are_found_at_any_depth() -> None:
