@@ -130,10 +130,12 @@ def _run(
     from part2gs_robotics.sim_checks import static
     from part2gs_robotics.sim_checks.actuation import check_actuation
     from part2gs_robotics.sim_checks.interpenetration import check_interpenetration
+    from part2gs_robotics.sim_checks.self_intersection import check_self_intersections, warnings_of
     from part2gs_robotics.sim_checks.stability import check_stability
 
     rows, curves = list(report.results), list[Curve]()
     rows += static.check_meshes(subject) if "mesh" in wanted else []
+    rows += check_self_intersections(subject) if "mesh" in wanted else []
     rows += static.check_inertia(subject) if "inertia" in wanted else []
     rows += static.check_limits(subject) if "limits" in wanted else []
     rows += static.check_states(subject, twin) if "states" in wanted else []
@@ -145,6 +147,7 @@ def _run(
     rows += check_stability(subject, stuck) if "stability" in wanted else []
     left_out = [g for g in GROUPS if g not in wanted and g != "compile"]
     notes = (*subject.notes, *((f"not run: {', '.join(left_out)}",) if left_out else ()))
+    notes += warnings_of(rows)
     return CheckReport(
         report.path,
         report.engine,

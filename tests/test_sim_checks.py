@@ -157,7 +157,7 @@ def test_missing_keyframe_is_caught(tmp_path: Path) -> None:
 
 def test_quick_and_only_say_what_was_left_out(sound: tuple[Path, CheckReport]) -> None:
     report = check(sound[0], only=("mesh",))
-    assert {r.name for r in report.results} == {"compile", "mesh"}
+    assert {r.name for r in report.results} == {"compile", "mesh", "self-intersection"}
     assert any("not run" in note and "overlap" in note for note in report.notes)
 
 
