@@ -15,11 +15,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from part2gs_robotics import se3
-from part2gs_robotics.cross_render import SmallViews, both_cost, move_gaussians
+from part2gs_robotics.cross_render import both_cost, move_gaussians
 from part2gs_robotics.gaussians import Gaussians
 from part2gs_robotics.joint_fit import move_of, parameters, perturbed
 from part2gs_robotics.joints import Joint
 from part2gs_robotics.render import render
+from part2gs_robotics.small_views import SmallViews
 
 logger = logging.getLogger(__name__)
 F64 = NDArray[np.float64]

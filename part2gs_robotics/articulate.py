@@ -145,12 +145,12 @@ def _finish(
     scene: Scene, study: Study, verdict: Verdict, config: ArticulateConfig, clock: _Clock
 ) -> Motion:
     from part2gs_robotics.align import judged
-    from part2gs_robotics.cross_render import small_views
     from part2gs_robotics.decide import Judge
     from part2gs_robotics.identity import refine_identities
     from part2gs_robotics.joint_fit import choose_joint
     from part2gs_robotics.physics_terms import part_diagnostics, physical_steps
     from part2gs_robotics.settle import settle
+    from part2gs_robotics.small_views import small_views
 
     judge, n0 = Judge(study), len(study.surfels[0])
     joints = []

@@ -138,10 +138,9 @@ class _Corridor:
         key = hash_of("fit", self.code, plain, *_state_parts(state))
 
         def compute() -> Fitted:
-            from part2gs_robotics.fit import FitConfig, fit_state
+            from part2gs_robotics.fit import fit_state
 
-            settings = FitConfig(**plain)
-            result = fit_state(state, None, settings, Progress(f"fit state {index}", "dB"),
+            result = fit_state(state, None, self.config.fit, Progress(f"fit state {index}", "dB"),
                                f"state {index}")
             return result.gaussians, tuple((t, db) for t, db, _ in result.curve)
 

@@ -57,6 +57,8 @@ class FitConfig:
     """weight of the mean of o (1 - o), which drives opacities to 0 or 1"""
     depth_weight: float = 0.2
     """weight of mean log(1 + depth error / diagonal), used only with depth images"""
+    smooth_weight: float = 0.5
+    """weight of jumps and bends in depth where a photo shows no edge, without depth images"""
     device: Literal["auto", "cpu", "cuda"] = "auto"
     """where to render"""
     seed: int = 0
@@ -134,9 +136,9 @@ BOUNDS: dict[str, tuple[float, float]] = {
     "max_side": (32, 8192), "meters_per_unit": (1e-9, 1e9), "steps": (1, 1_000_000),
     "half_steps": (0, 1_000_000), "start_gaussians": (100, 10_000_000),
     "max_gaussians": (100, 10_000_000), "hull_resolution": (16, 1024), "alpha_weight": (0, 1e3),
-    "opacity_weight": (0, 1e3), "depth_weight": (0, 1e3), "parts": (1, 64),
-    "resolution": (16, 1024), "clearance_voxels": (0, 16), "sweep_values": (3, 10_001),
-    "seed": (0, 2**31 - 1),
+    "opacity_weight": (0, 1e3), "depth_weight": (0, 1e3), "smooth_weight": (0, 1e3),
+    "parts": (1, 64), "resolution": (16, 1024), "clearance_voxels": (0, 16),
+    "sweep_values": (3, 10_001), "seed": (0, 2**31 - 1),
 }
 
 

@@ -6,59 +6,17 @@ joint makes them look more like what the cameras saw in the other state.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from part2gs_robotics import se3
 from part2gs_robotics.gaussians import Gaussians
 from part2gs_robotics.render import render
-from part2gs_robotics.scene import StateViews
+from part2gs_robotics.small_views import SmallViews
 
 F64 = NDArray[np.float64]
 COLOR_SCALE = 0.25  # a colour error of a quarter is as wrong as it gets: light turns with nothing
 MISSING_COST = 0.3  # per uncovered pixel: mostly interior that the source state never saw
-
-
-@dataclass(frozen=True)
-class SmallViews:
-    """A few views of one state at low resolution.
-
-    Attributes:
-        colors: [V, H, W, 3] premultiplied, 0..1.  alphas: [V, H, W] 0..1.
-        Ks: [V, 3, 3] of the small images.  viewmats: [V, 4, 4] camera_from_world.
-    """
-
-    colors: NDArray[np.float32]
-    alphas: NDArray[np.float32]
-    Ks: F64
-    viewmats: F64
-
-
-def small_views(state: StateViews, count: int, side: int) -> SmallViews:
-    """Return `count` training views spread over the sphere, longest side `side` pixels."""
-    train = np.flatnonzero(~state.held_out)
-    centres = np.stack([-m[:3, :3].T @ m[:3, 3] for m in state.viewmats[train]])
-    pick = [0]
-    gap = np.full(len(train), np.inf)
-    for _ in range(min(count, len(train)) - 1):
-        gap = np.minimum(gap, ((centres - centres[pick[-1]]) ** 2).sum(1))
-        pick.append(int(gap.argmax()))
-    index = train[sorted(pick)]
-    scale = min(1.0, side / max(state.width, state.height))
-    size = (max(1, round(state.width * scale)), max(1, round(state.height * scale)))
-    colors, alphas = [], []
-    for v in index:
-        alpha = state.alphas[v].astype(np.float32) / 255
-        color = state.images[v].astype(np.float32) / 255 * alpha[..., None]
-        colors.append(cv2.resize(color, size, interpolation=cv2.INTER_AREA))
-        alphas.append(cv2.resize(alpha, size, interpolation=cv2.INTER_AREA))
-    Ks = state.Ks[index].copy()
-    Ks[:, 0] *= size[0] / state.width
-    Ks[:, 1] *= size[1] / state.height
-    return SmallViews(np.stack(colors), np.stack(alphas), Ks, state.viewmats[index])
 
 
 def move_gaussians(

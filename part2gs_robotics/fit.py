@@ -9,8 +9,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from part2gs_robotics.adam import Adam
+from part2gs_robotics.config import FitConfig
+from part2gs_robotics.depth_smooth import smooth_term
 from part2gs_robotics.fit_density import Density
-from part2gs_robotics.fit_init import hull_gaussians
+from part2gs_robotics.fit_init import first_gaussians
 from part2gs_robotics.fit_step import (
     Views,
     chain,
@@ -27,41 +29,9 @@ from part2gs_robotics.hull import Hull, carve
 from part2gs_robotics.image_loss import psnr
 from part2gs_robotics.render_cpu import render_backward
 from part2gs_robotics.scene import StateViews
+from part2gs_robotics.tones import Tones, tones_of
 
 Progress = Callable[[int, int, float], None]  # step, steps, last held-out PSNR
-
-
-@dataclass(frozen=True)
-class FitConfig:
-    """How long and how finely to fit."""
-
-    steps: int = 800
-    """Optimiser steps, one view each."""
-    half_steps: int = 300
-    """First steps, at half the image resolution."""
-    start_gaussians: int = 14_000
-    """Discs on the visual hull at the start."""
-    max_gaussians: int = 24_000
-    """Hard cap."""
-    hull_resolution: int = 192
-    """Voxels along the longest side of the visual hull."""
-    alpha_weight: float = 0.5
-    """Weight of the mean absolute error of the mask."""
-    opacity_weight: float = 0.01
-    """Weight of the mean of o (1 - o): opacities go to 0 or 1."""
-    depth_weight: float = 0.2
-    """Weight of mean log(1 + |depth error| / diagonal); used only with depth images."""
-    seed: int = 0
-    """Order of views, backgrounds, start points."""
-
-
-PRESETS = {
-    "draft": FitConfig(steps=400, half_steps=250, start_gaussians=9_000, max_gaussians=14_000,
-                       hull_resolution=128),
-    "standard": FitConfig(),
-    "high": FitConfig(steps=3000, half_steps=600, start_gaussians=25_000, max_gaussians=80_000,
-                      hull_resolution=256),
-}
 
 
 @dataclass(frozen=True)
@@ -97,12 +67,13 @@ def fit_state(state: StateViews, init: Hull | Gaussians | None = None,
     config = config or FitConfig()
     start = time.perf_counter()
     hull: Hull | None = None
+    tones = tones_of(state)
     if isinstance(init, Gaussians):
-        first = init
+        first = tones.forward(init)
     else:
         hull = init or carve(state, resolution=config.hull_resolution)
-        first = hull_gaussians(hull, state, config.start_gaussians, config.seed)
-    run = _Run(state, first, hull, config, name)
+        first = first_gaussians(hull, tones.even(state), config)
+    run = _Run(state, tones, first, hull, config, name)
     curve = [(time.perf_counter() - start, run.held_out_psnr(), len(first))]
     marks = {round(config.steps * k / 8) for k in range(1, 9)}  # eight points make a curve
     for step in range(1, config.steps + 1):
@@ -119,6 +90,7 @@ WHITE = np.ones(3, np.float32)  # held-out views are measured over white, as in 
 # because a fit has hundreds of steps; turns and sizes stay slow, so that discs keep to the hull
 # (swept here: quats 5e-3 -> 1e-3 and log_scales 2e-2 -> 1e-2 cut the median depth error by 26 %).
 RATES = {"means": 5e-4, "quats": 1e-3, "log_scales": 1e-2, "logit_opacities": 1e-1, "sh0": 2e-2}
+NATURAL_FROM = 0.85  # of all steps: depth is settled by then, blended colours are not
 HARDEN_FROM = 0.5  # of all steps
 MEANS_END = 0.05  # the rate of the means falls to this share: large moves first, then polish
 CHANGE_EVERY = 50  # steps between prune and split rounds
@@ -128,10 +100,11 @@ CHANGE_UNTIL = 0.6  # of all steps: the rest lets the last halves settle
 class _Run:
     """Everything that changes while one state is fitted."""
 
-    def __init__(self, state: StateViews, first: Gaussians, hull: Hull | None, config: FitConfig,
-                 name: str) -> None:
-        self.state, self.config, self.name = state, config, name
-        self.views = Views(state)
+    def __init__(self, state: StateViews, tones: Tones, first: Gaussians, hull: Hull | None,
+                 config: FitConfig, name: str) -> None:
+        self.state, self.tones, self.config, self.name = state, tones, config, name
+        self.natural, self.views = Views(state), Views(tones.even(state))
+        self.even = True
         self.rng = np.random.default_rng(config.seed)
         self.params = params_of(first)
         self.diagonal = (hull.diagonal if hull is not None
@@ -147,10 +120,14 @@ class _Run:
         return len(self.params["means"])
 
     def gaussians(self) -> Gaussians:
-        return gaussians_of(self.params)
+        found = gaussians_of(self.params)
+        return self.tones.back(found) if self.even else found
 
     def step(self, step: int) -> None:
         """Render one training view, go back through it, update, sometimes prune and split."""
+        if self.even and step > NATURAL_FROM * self.config.steps:
+            self.params["sh0"] = self.gaussians().sh0.copy()
+            self.even, self.views = False, self.natural
         if not self.queue:
             self.queue = self.rng.permutation(self.train).tolist()
         view, level = self.queue.pop(), int(step <= self.config.half_steps)
@@ -164,6 +141,11 @@ class _Run:
             losses["depth"], d_depth, more = depth_term(
                 rendered, self.state.depths[view], self.diagonal, self.config.depth_weight)
             d_alpha += more
+        elif step > self.config.half_steps and self.config.smooth_weight > 0:
+            losses["smooth"], d_depth, more = smooth_term(
+                rendered, self.views.photo(view, level), alpha, self.diagonal,
+                self.config.smooth_weight)
+            d_alpha += more
         gradients = render_backward(rendered, d_color, d_alpha, d_depth, None)
         grads = chain(self.params, gradients)
         done = step / self.config.steps
@@ -175,7 +157,7 @@ class _Run:
         require_finite({f"gradient of {key}": value for key, value in grads.items()}, self.name,
                        step)
         self.adam.rates["means"] = RATES["means"] * self.diagonal * MEANS_END**done
-        self.adam.step(self.params, grads)
+        self.adam.step(self.params, grads if self.even else {"sh0": grads["sh0"]})
         self.density.add(gradients.means2d_abs * (alpha.shape[1] / self.state.width),
                          gradients.visible)
         if step % CHANGE_EVERY == 0 and done <= CHANGE_UNTIL:
@@ -185,10 +167,11 @@ class _Run:
     def held_out_psnr(self) -> float:
         """Return the mean PSNR over the held-out views (training views when there are none)."""
         pick = np.flatnonzero(self.state.held_out)
+        params = params_of(self.gaussians())
         scores = []
         for view in pick if len(pick) else self.train[:8]:
-            target, _, intrinsics = self.views.target(int(view), 0, WHITE)
-            drawn = draw(self.params, self.state.viewmats[view], intrinsics, self.state.width,
+            target, _, intrinsics = self.natural.target(int(view), 0, WHITE)
+            drawn = draw(params, self.state.viewmats[view], intrinsics, self.state.width,
                          self.state.height, WHITE)
             scores.append(psnr(np.clip(drawn.color, 0, 1), target))
         return float(np.mean(scores))

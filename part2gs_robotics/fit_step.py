@@ -55,6 +55,10 @@ class Views:
         a = alpha[..., None]
         return image * a + background * (1 - a), alpha, intrinsics[view]
 
+    def photo(self, view: int, level: int) -> F32:
+        """Return the straight colours [H, W, 3] of a view, without a background."""
+        return self.levels[level][0][view].astype(np.float32) / np.float32(255)
+
 
 def _shrink(image: NDArray[np.uint8], alpha: NDArray[np.uint8], size: tuple[int, int],
             ) -> NDArray[np.uint8]:

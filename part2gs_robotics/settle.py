@@ -13,11 +13,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from part2gs_robotics.align import align, judged
-from part2gs_robotics.cross_render import SmallViews, both_cost
+from part2gs_robotics.cross_render import both_cost
 from part2gs_robotics.decide import Judge, Verdict, tune
 from part2gs_robotics.joint_fit import move_of
 from part2gs_robotics.joints import Joint
 from part2gs_robotics.motion_search import Hypothesis
+from part2gs_robotics.small_views import SmallViews
 
 logger = logging.getLogger(__name__)
 Views = tuple[SmallViews, SmallViews]

@@ -8,14 +8,14 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from part2gs_robotics.cross_render import SmallViews, small_views
 from part2gs_robotics.evidence import DepthMaps, observe, render_depth_maps
 from part2gs_robotics.gaussians import Gaussians
 from part2gs_robotics.labelling import Graph, build_graph
 from part2gs_robotics.landing import Landing, build_landing
 from part2gs_robotics.motion_select import FINE_TAU, Evidence
 from part2gs_robotics.scene import Scene
-from part2gs_robotics.surfels import Surfels, fuse_surfels
+from part2gs_robotics.small_views import SmallViews, small_views
+from part2gs_robotics.surfels import Surfels, fuse_surfels, sampling
 
 F64 = NDArray[np.float64]
 SURFEL_VOXEL = 0.01  # of the diagonal: about 15,000 surfels a state, a labelling in 0.1 s
@@ -119,6 +119,7 @@ def gather(scene: Scene, gaussians: tuple[Gaussians, Gaussians]) -> Study:
 
 
 def _own_surface(maps: DepthMaps, images: NDArray[np.uint8], diag: float) -> Surfels:
-    surfels = fuse_surfels(maps, images, SURFEL_VOXEL * diag, min_views=MIN_VIEWS)
+    voxel, stride = sampling(maps, SURFEL_VOXEL * diag)
+    surfels = fuse_surfels(maps, images, voxel, min_views=MIN_VIEWS, stride=stride)
     seen = observe(surfels.points, maps, SELF_TOLERANCE * diag)
     return surfels.select((seen.surface > MIN_VIEWS) & (seen.free < 0.5 * seen.surface))

@@ -11,6 +11,7 @@ from part2gs_robotics.evidence import DepthMaps
 
 F64 = NDArray[np.float64]
 NORMAL_STEP = 2  # pixels: rendered depth has pixel-scale noise, two pixels average it
+FILL = 1.25  # cells per sample: a cell of one pixel is missed by a view that looks askew
 MAX_SLOPE = 6.0  # depth change per pixel footprint; steeper = silhouette edge or grazing view
 
 
@@ -39,6 +40,20 @@ class Surfels:
         )
 
 
+def sampling(maps: DepthMaps, voxel: float) -> tuple[float, int]:
+    """Return the cell size and the pixel stride with which every cell seen gets a sample.
+
+    Args:
+        maps: depth maps of one state.
+        voxel: cell size wanted, scene units; coarse images get a larger one.
+    """
+    focal = np.broadcast_to(maps.Ks[:, 0, 0, None, None], maps.depths.shape)
+    seen = maps.depths > 0
+    pixel = float(np.median(maps.depths[seen] / focal[seen])) if seen.any() else 0.0
+    stride = 2 if 2 * FILL * pixel <= voxel else 1
+    return max(voxel, stride * FILL * pixel), stride
+
+
 def fuse_surfels(
     maps: DepthMaps, images: NDArray[np.uint8], voxel: float, *, min_views: int = 3, stride: int = 2
 ) -> Surfels:
@@ -53,6 +68,8 @@ def fuse_surfels(
     """
     rows = [_view_samples(maps, images, v, stride) for v in range(len(maps.depths))]
     points, normals, colors = (np.concatenate([r[i] for r in rows]) for i in range(3))
+    if not len(points):
+        return Surfels(points, normals, colors, np.zeros(0, np.int64))
     view = np.concatenate([np.full(len(r[0]), v) for v, r in enumerate(rows)])
     # Facing direction in the key keeps the two sides of a thin door apart.
     dominant = np.abs(normals).argmax(1)

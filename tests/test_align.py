@@ -9,9 +9,9 @@ import pytest
 
 from part2gs_robotics import se3
 from part2gs_robotics.align import align
-from part2gs_robotics.cross_render import small_views
 from part2gs_robotics.joint_fit import move_of
 from part2gs_robotics.joints import Joint
+from part2gs_robotics.small_views import small_views
 
 SIDE, VIEWS, DIAG = 128, 10, 1.2
 TRUTH = {

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
-from dataclasses import asdict, fields
+from dataclasses import fields
 
 import pytest
 
@@ -104,12 +104,3 @@ def test_settings_load_nothing_heavy() -> None:
             "sys.exit(', '.join(heavy & set(sys.modules)) or 0)")
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
-
-
-@pytest.mark.parametrize("preset", PRESETS)
-def test_fit_room_is_given_its_own_presets(preset: str) -> None:
-    from part2gs_robotics.fit import PRESETS as FIT_PRESETS
-
-    given = asdict(resolve({"preset": preset}).fit)
-    want = asdict(FIT_PRESETS[preset])
-    assert {name: given[name] for name in want} == want

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from part2gs_robotics import se3
-from part2gs_robotics.cross_render import both_cost, cross_cost, move_gaussians, small_views
+from part2gs_robotics.cross_render import both_cost, cross_cost, move_gaussians
+from part2gs_robotics.small_views import small_views
 
 SIDE = 80
 

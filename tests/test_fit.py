@@ -22,7 +22,6 @@ from part2gs_robotics.fit_step import (
     require_finite,
 )
 from part2gs_robotics.gaussians import SH_C0, Gaussians
-from part2gs_robotics.hollows import find_lids
 from part2gs_robotics.render_cpu import render
 from part2gs_robotics.scene import StateViews
 from part2gs_robotics.se3 import rotation_from_quats
@@ -142,12 +141,6 @@ def test_discs_face_along_their_normals() -> None:
     normals = np.array([[0, 0, 1], [0, 0, -1], [1, 0, 0], [0.6, -0.8, 0], [0.36, 0.48, -0.8]])
     axes = rotation_from_quats(quats_from_normals(normals))[:, :, 2]
     np.testing.assert_allclose(axes, normals, atol=1e-12)
-
-
-def test_lids_are_what_stands_out() -> None:
-    spread = np.array([0.001] * 8 + [0.1, np.nan], np.float32)
-    np.testing.assert_array_equal(find_lids(spread), [False] * 8 + [True, False])
-    assert not find_lids(np.full(4, np.nan, np.float32)).any()
 
 
 def test_split_keeps_the_cap_and_prune_drops_the_faint() -> None:
