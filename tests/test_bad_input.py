@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import errno
 import json
-import os
 import shutil
 import struct
 import zlib
@@ -16,7 +14,7 @@ import cv2
 import numpy as np
 import pytest
 
-from part2gs_robotics import cli, store
+from part2gs_robotics import cli
 from part2gs_robotics.synth_photos import write_ball_scene
 
 START = "transforms_train_start.json"
@@ -153,11 +151,6 @@ def yaml_bomb(scene: Path) -> None:
     (scene / "scene.yaml").write_text("\n".join(lines))
 
 
-def out_is_file(scene: Path) -> list[str]:
-    (scene.parent / "taken").write_text("a file")
-    return ["-o", str(scene.parent / "taken")]
-
-
 CASES: dict[str, tuple[Break, tuple[str, ...]]] = {
     # the folder
     "empty folder": (empty_folder, ("no cameras found", "holds nothing", "transforms.json")),
@@ -271,14 +264,6 @@ CASES: dict[str, tuple[Break, tuple[str, ...]]] = {
     "unknown flag": (arguments("--partz", "2"), ("unknown flag --partz", "--parts")),
     "flag without value": (arguments("--parts"), ("--parts", "expected one argument")),
     "two scenes": (arguments("another"), ("got 2 paths",)),
-    # output
-    "output is a file": (out_is_file, ("is a file", "-o")),
-    "output below a file": (lambda s: [*out_is_file(s)[:1], str(s.parent / "taken" / "out")],
-                            ("taken: is a file", "-o")),
-    "output that cannot be created": (lambda s: ["-o", "/proc/part2gs_out"],
-                                      ("/proc/part2gs_out", "cannot be written")),
-    "output is the scene": (lambda s: ["-o", str(s)], ("never written",)),
-    "output inside the scene": (lambda s: ["-o", str(s / "out")], ("never written",)),
 }
 
 
@@ -302,80 +287,10 @@ def test_bad_input_is_refused(name: str, good_scene: Path, tmp_path: Path,
     shutil.copytree(good_scene, scene)
     words = breaking(scene) or []
     before = sorted(tmp_path.rglob("*"))
-    out = [] if "-o" in words else ["-o", str(tmp_path / "out")]
-    code, message = run(scene, capsys, *words, *out)
+    code, message = run(scene, capsys, *words, "-o", str(tmp_path / "out"))
     assert code == 2, message
     assert message.startswith("error: ")
     for fragment in fragments:
         assert fragment in message
     assert message.count(". ") >= 1, "says what was expected after what was wrong"
     assert sorted(tmp_path.rglob("*")) == before, "nothing is left behind"
-
-
-def test_full_disk_keeps_earlier_results(good_scene: Path, tmp_path: Path,
-                                         monkeypatch: pytest.MonkeyPatch,
-                                         capsys: pytest.CaptureFixture[str]) -> None:
-    out = tmp_path / "out"
-    out.mkdir()
-    (out / "twin.xml").write_text("earlier")
-
-    def full(handle: int) -> None:
-        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-
-    monkeypatch.setattr(os, "fsync", full)
-    code, message = run(good_scene, capsys, "-o", str(out))
-    assert code == 2
-    assert "No space left" in message
-    assert "free some space" in message
-    assert (out / "twin.xml").read_text() == "earlier"
-    assert not [path for path in out.rglob("*") if ".tmp-" in path.name]
-
-
-def test_too_little_free_space_is_refused_before_fitting(
-    good_scene: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-) -> None:
-    monkeypatch.setattr(store, "NEEDED_BYTES", 1 << 60)
-    code, message = run(good_scene, capsys, "-o", str(tmp_path / "out"))
-    assert code == 2
-    assert "MB free" in message
-
-
-def test_unwritable_kernel_cache_is_named(good_scene: Path, tmp_path: Path,
-                                          monkeypatch: pytest.MonkeyPatch,
-                                          capsys: pytest.CaptureFixture[str]) -> None:
-    (tmp_path / "file").write_text("")
-    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "file" / "cache"))
-    code, message = run(good_scene, capsys, "-o", str(tmp_path / "out"))
-    assert code == 2
-    assert "NUMBA_CACHE_DIR" in message
-    assert not (tmp_path / "out").exists()
-
-
-def test_second_build_in_one_folder_is_refused(good_scene: Path, tmp_path: Path,
-                                               capsys: pytest.CaptureFixture[str]) -> None:
-    first = store.Store(tmp_path / "out")
-    first.prepare()
-    with first.locked():
-        code, message = run(good_scene, capsys, "-o", str(tmp_path / "out"))
-    assert code == 2
-    assert f"pid {os.getpid()} on" in message
-
-
-@pytest.mark.skipif(os.geteuid() == 0, reason="permissions do not bind the superuser")
-def test_read_only_output_is_refused(good_scene: Path, tmp_path: Path,
-                                     capsys: pytest.CaptureFixture[str]) -> None:
-    out = tmp_path / "out"
-    out.mkdir(mode=0o500)
-    code, message = run(good_scene, capsys, "-o", str(out))
-    assert code == 2
-    assert "Permission denied" in message
-
-
-@pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")
-def test_write_to_a_full_device_is_a_store_error(tmp_path: Path) -> None:
-    target = tmp_path / f"report.json.tmp-{os.getpid()}"
-    target.symlink_to("/dev/full")
-    with pytest.raises(store.StoreError, match="No space left"):
-        store.write_bytes_atomic(tmp_path / "report.json", b"x" * 100_000)
-    assert not (tmp_path / "report.json").exists()

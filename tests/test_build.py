@@ -133,7 +133,9 @@ def finish(process: subprocess.Popen[str]) -> int:
 
 
 def wait_for(path: Path, process: subprocess.Popen[str]) -> None:
+    deadline = time.monotonic() + 300
     while not path.exists() and process.poll() is None:
+        assert time.monotonic() < deadline, f"{path} was never written"
         time.sleep(0.05)
 
 

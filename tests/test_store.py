@@ -140,6 +140,16 @@ for n in range(10**9):
 """
 
 
+def wait_for_writes(target: Path, count: int) -> None:
+    """Wait until the file was replaced some times: a new inode each, the next one under way."""
+    deadline = time.monotonic() + 60
+    for _ in range(count):
+        before = target.stat().st_ino, target.stat().st_mtime_ns
+        while (target.stat().st_ino, target.stat().st_mtime_ns) == before:
+            assert time.monotonic() < deadline, "the child writes nothing"
+            time.sleep(0.001)
+
+
 def test_kill_during_writing_never_tears_a_file(tmp_path: Path) -> None:
     target = tmp_path / "big.bin"
     write_bytes_atomic(target, bytes(1_000_000))
@@ -149,7 +159,7 @@ def test_kill_during_writing_never_tears_a_file(tmp_path: Path) -> None:
                                  stdout=subprocess.PIPE, text=True)
         assert child.stdout is not None
         assert child.stdout.readline() == "ready\n"
-        time.sleep(float(rng.uniform(0.02, 0.1)))
+        wait_for_writes(target, int(rng.integers(1, 6)))
         child.send_signal(signal.SIGKILL)
         child.wait()
         child.stdout.close()
