@@ -60,21 +60,46 @@ def write_ball_scene(folder: Path, views: int = 24, side: int = 48,
     return folder
 
 
-def ring_of_cameras(views: int) -> list[F64]:
-    """Return [4, 4] world_from_camera, OpenGL axes, looking at the origin from all around."""
+def ring_of_cameras(views: int, distance: float = DISTANCE, height: float = 0.9) -> list[F64]:
+    """Return [4, 4] world_from_camera, OpenGL axes, looking at the origin from all around.
+
+    Args:
+        views: number of cameras.
+        distance: to the origin.
+        height: bound of the cameras' heights over `distance`; none stands on a pole.
+    """
     golden = np.pi * (3 - np.sqrt(5))
     out = []
     for k in range(views):
-        z = 0.9 * (1 - 2 * (k + 0.5) / views)  # the poles have no defined up direction
+        z = height * (1 - 2 * (k + 0.5) / views)
         flat = np.sqrt(1 - z * z)
         back = np.array([flat * np.cos(golden * k), flat * np.sin(golden * k), z])
         right = np.cross([0.0, 0.0, 1.0], back)
         right /= np.linalg.norm(right)
         pose = np.eye(4)
         pose[:3, :3] = np.stack([right, np.cross(back, right), back], axis=1)
-        pose[:3, 3] = DISTANCE * back
+        pose[:3, 3] = distance * back
         out.append(pose)
     return out
+
+
+def viewmats_around(views: int, distance: float) -> F64:
+    """Return [V, 4, 4] camera_from_world, OpenCV axes, evenly over the whole sphere."""
+    opengl_from_opencv = np.diag([1.0, -1.0, -1.0, 1.0])
+    poses = ring_of_cameras(views, distance, 1.0)
+    return np.stack([np.linalg.inv(pose @ opengl_from_opencv) for pose in poses])
+
+
+def box_depth(camera_from_box: F64, low: F64, high: F64, side: int, focal: float) -> F64:
+    """Return [side, side] exact z-depth of a box, infinite beside it (slab test)."""
+    box_from_camera = np.linalg.inv(camera_from_box)
+    u = (np.arange(side) + 0.5 - side / 2) / focal
+    local = np.stack([*np.meshgrid(u, u), np.ones((side, side))], -1)
+    rays, eye = local @ box_from_camera[:3, :3].T, box_from_camera[:3, 3]
+    with np.errstate(divide="ignore"):
+        a, b = (low - eye) / rays, (high - eye) / rays
+    near, far = np.minimum(a, b).max(-1), np.maximum(a, b).min(-1)
+    return np.where(near < far, near, np.inf)
 
 
 def ball_photo(world_from_camera: F64, side: int, state: int) -> NDArray[np.uint8]:

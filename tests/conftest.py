@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shutil
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import SimpleNamespace
@@ -143,6 +144,74 @@ def seen_surface(boxes, views=24, side=96, voxel=0.02):
     lo, hi = np.full(3, -0.8), np.full(3, 1.5)
     land = build_landing(surfels, np.zeros(len(surfels)), maps, lo, hi, voxel, 0.1)
     return SimpleNamespace(surfels=surfels, land=land, maps=maps, state=state)
+
+
+@pytest.fixture
+def one_torch_thread():
+    """Arrays of a dozen rows: handing them between threads costs more than the sums."""
+    import torch
+
+    threads = torch.get_num_threads()
+    torch.set_num_threads(1)
+    yield
+    torch.set_num_threads(threads)
+
+
+@pytest.fixture
+def one_numba_thread():
+    """Few Gaussians, small images: they would only wait for a second thread on a busy machine."""
+    import numba
+
+    threads = numba.get_num_threads()
+    numba.set_num_threads(1)
+    yield
+    numba.set_num_threads(threads)
+
+
+@pytest.fixture(scope="session")
+def ball_scene(tmp_path_factory):
+    """A good scene of two balls, 24 photos of 48 pixels per state: copy it before a change."""
+    from part2gs_robotics.synth_photos import write_ball_scene
+
+    return write_ball_scene(tmp_path_factory.mktemp("balls") / "scene")
+
+
+@pytest.fixture
+def scene(ball_scene, tmp_path):
+    """Return a copy of the good scene, to be changed."""
+    return Path(shutil.copytree(ball_scene, tmp_path / "scene"))
+
+
+@pytest.fixture
+def build(capsys):
+    """Return a function that runs `build` with words and returns exit code and stderr."""
+    from part2gs_robotics import cli
+
+    def run(scene, *words):
+        # few steps: a case that is not refused should fail the test, not stall it
+        code = cli.main(["build", str(scene), "--steps", "1", *words])
+        captured = capsys.readouterr()
+        assert "Traceback" not in captured.err + captured.out
+        return code, captured.err
+
+    return run
+
+
+@pytest.fixture
+def assert_refused(build, tmp_path):
+    """Return a function that checks a refusal: exit code, four-part message, nothing left."""
+
+    def check(scene, fragments, *words):
+        before = sorted(tmp_path.rglob("*"))
+        code, message = build(scene, *words)
+        assert code == 2, message
+        assert message.startswith("error: ")
+        for fragment in fragments:
+            assert fragment in message
+        assert message.count(". ") >= 1, "says what was expected after what was wrong"
+        assert sorted(tmp_path.rglob("*")) == before, "nothing is left behind"
+
+    return check
 
 
 @pytest.fixture(scope="session")

@@ -14,17 +14,6 @@ import pytest
 from part2gs_robotics.config import ReadConfig
 from part2gs_robotics.errors import SceneError
 from part2gs_robotics.readers import read_scene
-from part2gs_robotics.synth_photos import write_ball_scene
-
-
-@pytest.fixture(scope="module")
-def ball_scene(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return write_ball_scene(tmp_path_factory.mktemp("balls") / "scene")
-
-
-@pytest.fixture
-def scene(ball_scene: Path, tmp_path: Path) -> Path:
-    return Path(shutil.copytree(ball_scene, tmp_path / "scene"))
 
 
 def write_png(file: Path, pixels: np.ndarray[Any, Any]) -> None:

@@ -5,41 +5,18 @@ from part2gs_robotics.evidence import DepthMaps
 from part2gs_robotics.fuse import TRUNCATION, Grid, fuse
 from part2gs_robotics.part_maps import NO_PART, PartMaps
 from part2gs_robotics.part_solids import cavity, moving_solid, within_hull
-from part2gs_robotics.se3 import inverse, make, screw_motion
+from part2gs_robotics.se3 import screw_motion
+from part2gs_robotics.synth_photos import box_depth, viewmats_around
 
 SIZE, FOCAL, DISTANCE, VIEWS, VOXEL = 160, 260.0, 2.0, 30, 0.012
 LO, HI = np.array([-0.2, -0.15, -0.1]), np.array([0.2, 0.15, 0.1])
 
 
-def cameras() -> np.ndarray:
-    """Return VIEWS camera_from_world on a sphere around the origin."""
-    out = []
-    for i in range(VIEWS):
-        z = 1 - (2 * i + 1) / VIEWS
-        flat = np.sqrt(1 - z * z)
-        back = np.array([flat * np.cos(2.4 * i), flat * np.sin(2.4 * i), z])
-        right = np.cross([0, 0, 1.0], back)
-        right /= np.linalg.norm(right)
-        rot = np.stack([right, -np.cross(back, right), -back])
-        out.append(make(rot, np.array([0, 0, DISTANCE])))
-    return np.array(out)
-
-
-def depth_of_box(viewmat, lo, hi, world_from_box=None) -> np.ndarray:
-    """Return [SIZE, SIZE] exact z-depth of a box, inf beside it (slab test)."""
-    box_from_cam = inverse(viewmat if world_from_box is None else viewmat @ world_from_box)
-    u = (np.arange(SIZE) + 0.5 - SIZE / 2) / FOCAL
-    rays = np.stack([*np.meshgrid(u, u), np.ones((SIZE, SIZE))], -1) @ box_from_cam[:3, :3].T
-    with np.errstate(divide="ignore"):
-        a, b = (lo - box_from_cam[:3, 3]) / rays, (hi - box_from_cam[:3, 3]) / rays
-    near, far = np.minimum(a, b).max(-1), np.maximum(a, b).min(-1)
-    return np.where(near < far, near, np.inf)
-
-
 def part_maps(boxes) -> PartMaps:
     """Return maps of boxes (lo, hi, label, world_from_box)."""
-    viewmats = cameras()
-    every = np.stack([[depth_of_box(m, lo, hi, w) for lo, hi, _, w in boxes] for m in viewmats])
+    viewmats = viewmats_around(VIEWS, DISTANCE)
+    every = np.stack([[box_depth(m if w is None else m @ w, lo, hi, SIZE, FOCAL)
+                       for lo, hi, _, w in boxes] for m in viewmats])
     depth = every.min(1)
     seen = np.isfinite(depth)
     names = np.array([b[2] for b in boxes], np.uint8)

@@ -23,13 +23,7 @@ BOTH = pytest.mark.parametrize("paper", [False, True])
 RNG = np.random.default_rng(0)
 
 
-@pytest.fixture(autouse=True)
-def one_thread():
-    """Arrays of a dozen rows: handing them between threads costs more than the sums."""
-    threads = torch.get_num_threads()
-    torch.set_num_threads(1)
-    yield
-    torch.set_num_threads(threads)
+pytestmark = pytest.mark.usefixtures("one_torch_thread")
 
 
 def tensor(array, grad=False):

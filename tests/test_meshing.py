@@ -10,8 +10,9 @@ from part2gs_robotics.gaussians import SH_C0, Gaussians
 from part2gs_robotics.joints import Joint
 from part2gs_robotics.meshing import build_parts
 from part2gs_robotics.scene import Scene, StateViews
-from part2gs_robotics.se3 import apply, inverse, make, screw_motion
+from part2gs_robotics.se3 import apply, inverse, screw_motion
 from part2gs_robotics.solids import defect, to_manifold
+from part2gs_robotics.synth_photos import box_depth, viewmats_around
 
 SIZE, FOCAL, DISTANCE, VIEWS = 128, 210.0, 2.0, 26
 RED, BLUE = (0.8, 0.1, 0.1), (0.1, 0.2, 0.9)
@@ -20,29 +21,6 @@ CHEST = (np.array([-0.2, -0.25, -0.15]), np.array([0.2, 0.25, 0.1]))
 LID = (np.array([-0.2, -0.25, 0.1]), np.array([0.2, 0.25, 0.15]))
 HINGE = Joint("revolute", np.array([0.0, 1.0, 0.0]), np.array([-0.2, 0.0, 0.1]), -np.pi / 3)
 EYE = np.eye(4)
-
-
-def cameras() -> np.ndarray:
-    out = []
-    for i in range(VIEWS):
-        z = 1 - (2 * i + 1) / VIEWS
-        flat = np.sqrt(1 - z * z)
-        back = np.array([flat * np.cos(2.4 * i), flat * np.sin(2.4 * i), z])
-        right = np.cross([0, 0, 1.0], back)
-        right /= np.linalg.norm(right)
-        rot = np.stack([right, -np.cross(back, right), -back])
-        out.append(make(rot, np.array([0, 0, DISTANCE])))
-    return np.array(out)
-
-
-def depth_of_box(viewmat, box, world_from_box) -> np.ndarray:
-    box_from_cam = inverse(viewmat @ world_from_box)
-    u = (np.arange(SIZE) + 0.5 - SIZE / 2) / FOCAL
-    rays = np.stack([*np.meshgrid(u, u), np.ones((SIZE, SIZE))], -1) @ box_from_cam[:3, :3].T
-    with np.errstate(divide="ignore"):
-        a, b = ((c - box_from_cam[:3, 3]) / rays for c in box)
-    near, far = np.minimum(a, b).max(-1), np.maximum(a, b).min(-1)
-    return np.where(near < far, near, np.inf)
 
 
 def surface_points(box, n=1500) -> np.ndarray:
@@ -57,8 +35,8 @@ def two_states(boxes, joints, world=EYE, parents=None):
     states, clouds, probs = [], [], []
     for s in (0, 1):
         moves = [world, *(world @ j.transform(s * j.value) for j in joints)]
-        viewmats = cameras() @ inverse(world)
-        depth = np.min([[depth_of_box(m, b, w) for m in viewmats]
+        viewmats = viewmats_around(VIEWS, DISTANCE) @ inverse(world)
+        depth = np.min([[box_depth(m @ w, *b, SIZE, FOCAL) for m in viewmats]
                         for b, w in zip(boxes, moves, strict=True)], axis=0)
         seen = np.isfinite(depth)
         K = np.array([[FOCAL, 0, SIZE / 2], [0, FOCAL, SIZE / 2], [0, 0, 1.0]])

@@ -19,14 +19,7 @@ from part2gs_robotics.parts import (
 )
 from part2gs_robotics.se3 import quat_from_rotation, rotation_from_rotvec
 
-
-@pytest.fixture(autouse=True)
-def one_thread():
-    """Arrays of a dozen rows: handing them between threads costs more than the sums."""
-    threads = torch.get_num_threads()
-    torch.set_num_threads(1)
-    yield
-    torch.set_num_threads(threads)
+pytestmark = pytest.mark.usefixtures("one_torch_thread")
 
 
 def random_identity(seed, n=12, d=5, parts=3):

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import shutil
 from pathlib import Path
 from typing import Any
 
@@ -17,16 +16,6 @@ from part2gs_robotics.errors import SceneError
 from part2gs_robotics.reader_nerfstudio import camera_from_world
 from part2gs_robotics.readers import read_scene, read_scene_yaml
 from part2gs_robotics.synth_photos import BALLS, FOV, ring_of_cameras, write_ball_scene
-
-
-@pytest.fixture(scope="session")
-def ball_scene(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return write_ball_scene(tmp_path_factory.mktemp("balls") / "scene")
-
-
-@pytest.fixture
-def scene(ball_scene: Path, tmp_path: Path) -> Path:
-    return Path(shutil.copytree(ball_scene, tmp_path / "scene"))
 
 
 def change_json(file: Path, **values: Any) -> None:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
 import numba
 import numpy as np
 import pytest
@@ -14,6 +12,7 @@ from part2gs_robotics.render_cpu import Gradients, Rendered, render, render_back
 from part2gs_robotics.render_reference import render_reference
 
 Array = NDArray[np.float64]
+pytestmark = pytest.mark.usefixtures("one_numba_thread")
 INPUTS = ("means", "quats", "scales", "opacities", "colors", "extra")
 IMAGES = ("color", "alpha", "depth", "extra")
 WIDTH, HEIGHT = 21, 38  # multiples of neither tile side; more than one tile in both directions
@@ -158,15 +157,6 @@ def test_images_and_gradients_equal_reference(kind: str, dtype: type[np.floating
         for name, expected in truth_gradients.items():
             error = np.linalg.norm(getattr(gradients, name) - expected)
             assert error <= gradient_error * np.linalg.norm(expected) + 1e-9, (seed, name)
-
-
-@pytest.fixture(autouse=True)
-def _one_thread() -> Iterator[None]:
-    """Keep the tests fast on a busy machine: small scenes only wait for their second thread."""
-    before = numba.get_num_threads()
-    numba.set_num_threads(1)
-    yield
-    numba.set_num_threads(before)
 
 
 @pytest.mark.skipif(numba.config.NUMBA_NUM_THREADS < 2, reason="needs two threads to compare")

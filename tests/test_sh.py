@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
-import numba
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -12,16 +9,8 @@ from numpy.typing import NDArray
 from part2gs_robotics.sh import sh_colors, sh_colors_backward
 
 Array = NDArray[np.float64]
+pytestmark = pytest.mark.usefixtures("one_numba_thread")
 CAMERA = np.array([0.3, -0.2, -2.0])
-
-
-@pytest.fixture(autouse=True)
-def _one_thread() -> Iterator[None]:
-    """Keep the tests fast on a busy machine: few Gaussians only wait for their second thread."""
-    before = numba.get_num_threads()
-    numba.set_num_threads(1)
-    yield
-    numba.set_num_threads(before)
 
 
 def _draw(bands: int, seed: int = 0, n: int = 30) -> tuple[Array, Array, Array]:

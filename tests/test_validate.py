@@ -20,9 +20,8 @@ States = tuple[StateViews, StateViews]
 
 
 @pytest.fixture(scope="module")
-def states(tmp_path_factory: pytest.TempPathFactory) -> States:
-    scene = write_ball_scene(tmp_path_factory.mktemp("balls") / "scene")
-    return read_scene(scene, ReadConfig()).states
+def states(ball_scene: Path) -> States:
+    return read_scene(ball_scene, ReadConfig()).states
 
 
 def moved(state: StateViews, new_from_old: np.ndarray[tuple[int, ...], np.dtype[np.float64]],
