@@ -149,6 +149,7 @@ def _finish(
     from part2gs_robotics.identity import refine_identities
     from part2gs_robotics.joint_fit import choose_joint
     from part2gs_robotics.physics_terms import part_diagnostics, physical_steps
+    from part2gs_robotics.reach import claim
     from part2gs_robotics.settle import settle
     from part2gs_robotics.small_views import small_views
 
@@ -166,16 +167,16 @@ def _finish(
         small_views(scene.states[0], ALIGN_VIEWS, ALIGN_SIDE),
         small_views(scene.states[1], ALIGN_VIEWS, ALIGN_SIDE),
     )
-    hard = verdict.hard
+    hard, _ = claim(judge, joints, verdict.hard)
     labels = study.gaussian_labels(hard)
-    pulled = physical_steps(study, joints, verdict.hard, config.paper_mode)
+    pulled = physical_steps(study, joints, hard, config.paper_mode)
     if config.paper_mode:  # the paper refines the joints by its losses alone
         joints = pulled
     else:
         joints = judged(study.gaussians, labels, joints, pulled, views)
         joints, hard = settle(judge, joints, hard, views)
     clock.tick("alignment", 4, len(joints))
-    costs = judge.costs(joints, hard)
+    hard, costs = claim(judge, joints, hard)
     unary = [
         COST_TO_NATS * costs[:n0][study.nearest[0]],
         COST_TO_NATS * costs[n0:][study.nearest[1]],

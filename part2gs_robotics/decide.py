@@ -9,8 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from part2gs_robotics.cross_render import both_cost
-from part2gs_robotics.joint_fit import move_of
-from part2gs_robotics.joints import Joint
 from part2gs_robotics.labelling import Unary, label, unary_costs
 from part2gs_robotics.landing import unclaimed
 from part2gs_robotics.motion_refine import refine
@@ -111,13 +109,6 @@ class Judge:
             self.study.source_weight,
         )
         return Verdict(tuple(motions), hard, surfel_cost, image, self.coherent(motions, hard))
-
-    def costs(self, joints: list[Joint], hard: NDArray[np.int64]) -> F64:
-        """Return [N0 + N1, K+1] cost of every surfel under every part, given labels."""
-        moves = [np.eye(4), *(move_of(j) for j in joints)]
-        return unary_costs(moves, self.study.surfels, self.lands, self.study.tau).cost(
-            np.eye(len(moves))[hard]
-        )
 
     def confidence(self, verdict: Verdict, k: int) -> float:
         """Return the share of motion k's surfels that no other label explains as well."""

@@ -10,9 +10,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from part2gs_robotics import se3
-from part2gs_robotics.landing import FREE_COST, Landing, land, unclaimed
-from part2gs_robotics.motion_refine import refine
-from part2gs_robotics.motion_search import Hypothesis
+from part2gs_robotics.landing import FREE_COST, Landing, land
 from part2gs_robotics.surfels import Surfels
 
 F64 = NDArray[np.float64]
@@ -80,11 +78,13 @@ class Unary:
     Attributes:
         match: [N, L] cost of the surfel met.  target: [N, L] that surfel's row, -1 = none met.
         miss: [N, L] cost of meeting nothing there (free or hidden).
+        far: [N, L] cost of being far from what is proven to have the label.
     """
 
     match: F64
     target: NDArray[np.int64]
     miss: F64
+    far: F64 | float = 0.0
 
     def cost(self, q: F64) -> F64:
         """Return [N, L] costs given soft labels: a surface carried by another part is no match."""
@@ -92,15 +92,7 @@ class Unary:
         met = np.minimum(
             self.match + FOREIGN_COST * (1.0 - owned), np.maximum(self.miss, FOREIGN_COST)
         )
-        return np.where(self.target >= 0, met, self.miss)
-
-    def without(self, column: int) -> Unary:
-        """Return the same with one motion left out."""
-        return Unary(
-            np.delete(self.match, column, 1),
-            np.delete(self.target, column, 1),
-            np.delete(self.miss, column, 1),
-        )
+        return np.asarray(np.where(self.target >= 0, met, self.miss) + self.far)
 
 
 def unary_costs(
@@ -140,52 +132,3 @@ def label(unary: Unary, graph: Graph) -> tuple[NDArray[np.int64], float]:
     differ = hard[graph.neighbors] != hard[:, None]
     energy = cost[np.arange(len(hard)), hard].sum() + SMOOTHNESS * (graph.weights * differ).sum()
     return hard, float(energy)
-
-
-def prune(
-    found: list[Hypothesis],
-    states: tuple[Surfels, Surfels],
-    lands: tuple[Landing, Landing],
-    tau: float,
-    price: float,
-) -> tuple[list[Hypothesis], NDArray[np.int64], list[float]]:
-    """Drop motions the labelling does without for less than `price`, refine the others.
-
-    Returns:
-        The motions kept, labels [N0 + N1] (0 = static, k = motion k - 1) and what each saves.
-    """
-    graph = build_graph(states)
-    lands = unclaimed(lands[0]), unclaimed(lands[1])
-    kept = list(found)
-    while True:
-        kept, hard, energy, unary = _polish(kept, states, lands, tau, graph)
-        saves = [label(unary.without(k + 1), graph)[1] - energy for k in range(len(kept))]
-        if not kept or min(saves) >= price:
-            return kept, hard, saves
-        kept.pop(int(np.argmin(saves)))
-
-
-def _polish(
-    kept: list[Hypothesis],
-    states: tuple[Surfels, Surfels],
-    lands: tuple[Landing, Landing],
-    tau: float,
-    graph: Graph,
-) -> tuple[list[Hypothesis], NDArray[np.int64], float, Unary]:
-    """Label, refine every motion on its own surfels where that lowers their cost, label again."""
-    unary = unary_costs([np.eye(4), *(h.move for h in kept)], states, lands, tau)
-    hard, energy = label(unary, graph)
-    n0 = len(states[0])
-    better = []
-    for k, h in enumerate(kept):
-        own = states[0].select(hard[:n0] == k + 1), states[1].select(hard[n0:] == k + 1)
-        new = (
-            refine(h, own, lands, (1.3 * tau, tau, 0.7 * tau), 4)
-            if len(own[0]) + len(own[1])
-            else h
-        )
-        costs = [unary_costs([g.move], own, lands, tau).match.sum() for g in (h, new)]
-        better.append(new if costs[1] < costs[0] else h)
-    unary = unary_costs([np.eye(4), *(h.move for h in better)], states, lands, tau)
-    hard, energy = label(unary, graph)
-    return better, hard, energy, unary

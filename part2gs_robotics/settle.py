@@ -18,6 +18,7 @@ from part2gs_robotics.decide import Judge, Verdict, tune
 from part2gs_robotics.joint_fit import move_of
 from part2gs_robotics.joints import Joint
 from part2gs_robotics.motion_search import Hypothesis
+from part2gs_robotics.reach import claim
 from part2gs_robotics.small_views import SmallViews
 
 logger = logging.getLogger(__name__)
@@ -65,7 +66,8 @@ def _alternate(
         labels = study.gaussian_labels(hard)
         joints = align(study.gaussians, labels, joints, views, study.diag)
         verdict = judge.judge([_hypothesis(j) for j in joints])
-        hard = verdict.hard
+        hard, _ = claim(judge, joints, verdict.hard)
+        verdict = replace(verdict, hard=hard)
     return joints, verdict
 
 

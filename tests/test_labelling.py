@@ -13,7 +13,6 @@ from part2gs_robotics.labelling import (
     Unary,
     build_graph,
     label,
-    prune,
     unary_costs,
 )
 from part2gs_robotics.landing import FREE_COST
@@ -43,28 +42,10 @@ def test_two_boxes_one_moved_are_told_apart(slid):
     seam = np.abs(points[:, 2] - slid.block.lo[2]) < 0.04  # within two voxels of the other box
     assert (hard == own)[~seam].mean() > 0.97
     assert (hard == own).mean() > 0.93
-    still = label(unary.without(1), build_graph(states))
+    alone = unary_costs([np.eye(4)], states, lands, TAU)
+    still = label(alone, build_graph(states))
     assert not still[0].any()
     assert still[1] > energy + 200
-
-
-def test_a_wrong_motion_and_a_copy_are_pruned(slid):
-    states, lands, truth, own = parts_of(slid)
-    wrong = Hypothesis(0, np.array([0.0, 0, 1]), truth.origin, 0.3)
-    copy = Hypothesis(0, truth.axis, truth.origin, truth.value * 1.01)
-    kept, hard, saves = prune([wrong, truth, copy], states, lands, TAU, 30.0)
-    assert len(kept) == 1
-    assert np.allclose(kept[0].axis * kept[0].value, truth.axis * truth.value, atol=0.005)
-    assert (hard == own).mean() > 0.93
-    assert saves[0] > 200
-
-
-def test_nothing_is_kept_when_the_price_is_too_high(slid):
-    states, lands, truth, _ = parts_of(slid)
-    kept, hard, saves = prune([truth], states, lands, TAU, 1e9)
-    assert kept == []
-    assert saves == []
-    assert not hard.any()
 
 
 def test_meeting_a_surfel_that_another_part_carries_costs_more():
@@ -74,7 +55,6 @@ def test_meeting_a_surfel_that_another_part_carries_costs_more():
     cost = unary.cost(np.array([[0.5, 0.5], [1.0, 0.0]]))
     assert cost[0] == pytest.approx([0.1, FOREIGN_COST])
     assert cost[1] == pytest.approx([FREE_COST, NEUTRAL_COST])
-    assert unary.without(0).cost(np.ones((2, 1))).shape == (2, 1)
 
 
 def test_neighbours_outvote_a_neutral_surfel_but_not_a_clear_one():

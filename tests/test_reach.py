@@ -1,0 +1,67 @@
+"""Reach: ties between labels go to the part that is nearest along the surface."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import numpy as np
+
+from part2gs_robotics.labelling import FOREIGN_COST, NEUTRAL_COST, Graph
+from part2gs_robotics.reach import FAR_COST, PROVEN, REACH, _far, _surface, claim
+
+COUNT = 40  # surfels in a row, a unit apart
+
+
+def row_of_surfels(gap_after: int | None = None) -> SimpleNamespace:
+    """Return a study of a straight row; a gap cuts the surface after one surfel."""
+    points = np.stack([np.arange(COUNT, dtype=float), np.zeros(COUNT), np.zeros(COUNT)], 1)
+    index = np.arange(COUNT)
+    low, high = np.maximum(index - 1, 0), np.minimum(index + 1, COUNT - 1)
+    if gap_after is not None:
+        high[gap_after], low[gap_after + 1] = gap_after, gap_after + 1
+    graph = Graph(np.stack([low, high], 1), np.ones((COUNT, 2)))
+    states = (SimpleNamespace(points=points[:20]), SimpleNamespace(points=points[20:]))
+    return SimpleNamespace(surfels=states, graph=graph, diag=COUNT / REACH)
+
+
+def test_the_way_is_measured_along_the_surface() -> None:
+    study = row_of_surfels()
+    costs = np.full((COUNT, 2), NEUTRAL_COST)
+    costs[0], costs[-1] = (0.0, 1.0), (1.0, 0.0)
+    hard = (np.arange(COUNT) >= 20).astype(np.int64)
+    far = _far(costs, hard, _surface(study), REACH * study.diag)
+    np.testing.assert_allclose(far[:, 0], FAR_COST * np.arange(COUNT) / COUNT)
+    np.testing.assert_allclose(far[:, 1], far[::-1, 0])
+
+
+def test_a_gap_cannot_be_crossed_and_doubtful_surfels_prove_nothing() -> None:
+    study = row_of_surfels(gap_after=9)
+    costs = np.full((COUNT, 2), NEUTRAL_COST)
+    costs[0] = 0.0, 1.0
+    costs[-1] = 1.0, PROVEN + 0.01  # too dear to be a proof
+    hard = (np.arange(COUNT) >= 20).astype(np.int64)
+    far = _far(costs, hard, _surface(study), REACH * study.diag)
+    assert (far[:10, 0] < FAR_COST / 2).all()
+    assert (far[10:, 0] == FAR_COST).all()
+    assert (far[:, 1] == FAR_COST).all()
+
+
+def test_a_hidden_side_goes_with_the_part_it_hangs_on(slid) -> None:
+    """A block slides; where both motions hide a surfel, its neighbours on the block decide."""
+    from part2gs_robotics.decide import Judge
+    from part2gs_robotics.joints import Joint
+    from part2gs_robotics.labelling import build_graph
+
+    pair = tuple(s.surfels for s in slid.states)
+    lands = tuple(s.land for s in slid.states)
+    study = SimpleNamespace(surfels=pair, lands=lands, graph=build_graph(pair), tau=0.03, diag=1.0)
+    joint = Joint("prismatic", slid.axis, np.array([0.2, 0.3, 0.4]), slid.value)
+    judge = Judge(study)  # type: ignore[arg-type]
+    start = np.zeros(len(pair[0]) + len(pair[1]), np.int64)
+    hard, costs = claim(judge, [joint], start)
+    own = np.concatenate([s.points[:, 2] > slid.block.lo[2] + 0.04 for s in pair])
+    below = np.concatenate([s.points[:, 2] < slid.block.lo[2] - 0.04 for s in pair])
+    assert hard[own].mean() > 0.99
+    assert hard[below].mean() < 0.01
+    assert costs.shape == (len(hard), 2)
+    assert costs.max() < 1.0 + FOREIGN_COST + FAR_COST
