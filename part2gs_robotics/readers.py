@@ -16,6 +16,7 @@ from part2gs_robotics.errors import ConfigError, SceneError
 from part2gs_robotics.reader_artgs import is_artgs, read_artgs
 from part2gs_robotics.reader_nerfstudio import PosedImage, read_transforms
 from part2gs_robotics.scene import Scene, StateViews
+from part2gs_robotics.validate_depth import check_depth
 
 STATE_FOLDERS = (("state_0", "state_1"), ("start", "end"))
 JSON_NAMES = ("transforms.json", "transforms_train.json")
@@ -42,6 +43,8 @@ def read_scene(path: Path, config: ReadConfig) -> Scene:
     notes = _notes(posed, states, config)
     for index, state in enumerate(states):
         validate.check_masks(state, f"{path}: state {index}")
+        if state.depths is not None:
+            check_depth(state, f"{path}: state {index}")
     notes += validate.check_frames(states, str(path))
     up = None if config.up is None else np.array(config.up) / np.linalg.norm(config.up)
     return Scene(path, layout, states, config.meters_per_unit, up, notes)

@@ -146,26 +146,28 @@ def seen_surface(boxes, views=24, side=96, voxel=0.02):
     return SimpleNamespace(surfels=surfels, land=land, maps=maps, state=state)
 
 
+def _one_thread(library):
+    """Small arrays: handing them between threads of a busy machine costs more than the sums."""
+    threads = library.get_num_threads()
+    library.set_num_threads(1)
+    yield
+    library.set_num_threads(threads)
+
+
 @pytest.fixture
 def one_torch_thread():
-    """Arrays of a dozen rows: handing them between threads costs more than the sums."""
+    """Let torch use one thread."""
     import torch
 
-    threads = torch.get_num_threads()
-    torch.set_num_threads(1)
-    yield
-    torch.set_num_threads(threads)
+    yield from _one_thread(torch)
 
 
 @pytest.fixture
 def one_numba_thread():
-    """Few Gaussians, small images: they would only wait for a second thread on a busy machine."""
+    """Let numba use one thread."""
     import numba
 
-    threads = numba.get_num_threads()
-    numba.set_num_threads(1)
-    yield
-    numba.set_num_threads(threads)
+    yield from _one_thread(numba)
 
 
 @pytest.fixture(scope="session")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import shutil
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +15,7 @@ import pytest
 from part2gs_robotics.config import ReadConfig
 from part2gs_robotics.errors import SceneError
 from part2gs_robotics.readers import read_scene
+from part2gs_robotics.validate_depth import check_depth
 
 
 def write_png(file: Path, pixels: np.ndarray[Any, Any]) -> None:
@@ -84,3 +86,30 @@ def test_unusable_depth_beside_artgs_photos_is_refused(scene: Path, how: str) ->
     want = {"dtype": "depth image is uint8", "text": "not a PNG", "link": "outside the scene"}
     with pytest.raises(SceneError, match=want[how]):
         read_scene(scene, ReadConfig())
+
+
+def test_depth_of_another_unit_is_refused(scene: Path) -> None:
+    write_depth(scene)
+    for name in ("transforms_train_start.json", "transforms_train_end.json"):
+        content = json.loads((scene / name).read_text()) | {"depth_unit_scale_factor": 2e-3}
+        (scene / name).write_text(json.dumps(content))
+    with pytest.raises(SceneError, match=r"state 0: \d+ % of the depth points.* --no-depth"):
+        read_scene(scene, ReadConfig())
+    assert read_scene(scene, ReadConfig(depth=False)).states[0].depths is None
+
+
+def test_exact_depth_is_confirmed_by_every_mask_and_scaled_depth_is_not(toy: Any) -> None:
+    boxes = [toy.Box((-0.4, -0.3, -0.2), (0.4, 0.3, 0.0)), toy.Box((0, -0.1, 0.0), (0.2, 0.2, 0.3))]
+    state = toy.cast(boxes, *toy.cameras(16, 64, np.zeros(3), 1.2), 64)
+    assert check_depth(state, "toy") > 0.99
+    for scale in (0.1, 0.5, 0.85, 1.3, 2.0, 1000.0):
+        wrong = replace(state, depths=(state.depths * scale).astype(np.float32))
+        with pytest.raises(SceneError, match="toy: "):
+            check_depth(wrong, "toy")
+
+
+def test_views_without_any_depth_are_refused(toy: Any) -> None:
+    cameras = toy.cameras(16, 32, np.full(3, 0.5), 1.8)
+    state = toy.cast([toy.Box((0, 0, 0), (1, 1, 1))], *cameras, 32)
+    with pytest.raises(SceneError, match="0 % of the depth points"):
+        check_depth(replace(state, depths=np.zeros_like(state.depths)), "toy")
