@@ -37,7 +37,7 @@ def check_depth(state: StateViews, where: str) -> float:
         raise SceneError(
             f"{where}: {100 * share:.0f} % of the depth points lie inside the masks of other "
             f"views. Expected at least {100 * MIN_INSIDE:.0f} %: z-depth along the optical axis "
-            "in the unit of the poses (depth_unit_scale_factor); correct the depth, or use --no-depth.")
+            "in the unit of the poses (depth_unit_scale_factor); correct it, or use --no-depth.")
     return share
 
 
