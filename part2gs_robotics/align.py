@@ -52,6 +52,7 @@ def align(
     joints: list[Joint],
     views: tuple[SmallViews, SmallViews],
     diag: float,
+    first_blur: int = 0,
 ) -> list[Joint]:
     """Return the joints after direct alignment against both states' views.
 
@@ -61,8 +62,9 @@ def align(
         joints: of parts 1..K, all relative to the base.
         views: images of both states.
         diag: diagonal of the object in scene units.
+        first_blur: of BLURS; later ones suffice for joints that are nearly right.
     """
-    for blur in BLURS:
+    for blur in BLURS[first_blur:]:
         for _ in range(STEPS):
             systems = _systems(gaussians, labels, joints, views, diag, blur)
             joints = [perturbed(j, _solve(s), diag) for j, s in zip(joints, systems, strict=True)]

@@ -14,14 +14,17 @@ from scipy.sparse.csgraph import dijkstra
 from part2gs_robotics.decide import Judge
 from part2gs_robotics.joint_fit import move_of
 from part2gs_robotics.joints import Joint
-from part2gs_robotics.labelling import Unary, label, unary_costs
+from part2gs_robotics.labelling import Graph, Unary, label, unary_costs
 from part2gs_robotics.study import Study
 
 F64 = NDArray[np.float64]
 Labels = NDArray[np.int64]
 PROVEN = 0.25  # landing cost: a fair match, well below an unobserved place
 MARGIN = 0.1  # that every other label costs more
-REACH = 0.15  # of the diagonal, along the surface: farther apart all labels are equally far
+AGREED = 0.8  # of the neighbours of a proof are proofs too: similar grain proves patches by chance
+SHELLS = 4  # times that is asked: patches less than four surfels wide are such chances
+REACH = 0.5  # of the diagonal, along the surface: farther apart all labels are equally far
+LEAD = 0.02  # of the diagonal, two surfels: what a way must be longer to count in full
 FAR_COST = 0.15  # half of what an unobserved place costs: breaks ties, outvotes no match
 ROUNDS = 2  # of proving and labelling; a third changes less than 0.1 % of the labels
 
@@ -40,7 +43,7 @@ def claim(judge: Judge, joints: list[Joint], hard: Labels) -> tuple[Labels, F64]
     surface = _surface(study)
     for _ in range(ROUNDS):
         costs = unary.cost(np.eye(len(moves))[hard])
-        far = _far(costs, hard, surface, REACH * study.diag)
+        far = _far(_proven(costs, hard, study.graph), surface, study.diag)
         hard, _ = label(Unary(unary.match, unary.target, unary.miss, far), study.graph)
     costs = unary.cost(np.eye(len(moves))[hard]) + far
     return hard, costs
@@ -56,16 +59,25 @@ def _surface(study: Study) -> csr_matrix:
     return one_way.maximum(one_way.T)
 
 
-def _far(costs: F64, hard: Labels, surface: csr_matrix, reach: float) -> F64:
-    """Return [N, L] cost of the way along the surface to a surfel proven to have the label."""
+def _proven(costs: F64, hard: Labels, graph: Graph) -> NDArray[np.bool_]:
+    """Return [N, L] which surfels only one label explains well, amid others of that label."""
     rows = np.arange(len(hard))
     own, others = costs[rows, hard], costs.copy()
     others[rows, hard] = np.inf
     proven = (own < PROVEN) & (own + MARGIN < others.min(1))
-    far = np.full(costs.shape, FAR_COST)
-    for k in range(costs.shape[1]):
-        sources = np.flatnonzero(proven & (hard == k))
-        if len(sources):
-            way = dijkstra(surface, indices=sources, min_only=True, limit=reach)
-            far[:, k] *= np.minimum(way / reach, 1.0)
-    return far
+    same = hard[graph.neighbors] == hard[:, None]
+    for _ in range(SHELLS):
+        proven &= (proven[graph.neighbors] & same).mean(1) >= AGREED
+    return np.asarray(proven[:, None] & (hard[:, None] == np.arange(costs.shape[1])))
+
+
+def _far(proven: NDArray[np.bool_], surface: csr_matrix, diag: float) -> F64:
+    """Return [N, L] cost of being farther from what is proven to have a label than from others."""
+    reach = REACH * diag
+    ways = np.full(proven.shape, reach)
+    for k, own in enumerate(proven.T):
+        if own.any():
+            way = dijkstra(surface, indices=np.flatnonzero(own), min_only=True, limit=reach)
+            ways[:, k] = np.minimum(way, reach)
+    behind = ways - ways.min(1, keepdims=True)
+    return FAR_COST * np.minimum(behind / (LEAD * diag), 1.0)

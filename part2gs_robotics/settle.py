@@ -25,6 +25,7 @@ logger = logging.getLogger(__name__)
 Views = tuple[SmallViews, SmallViews]
 Labels = NDArray[np.int64]
 ROUNDS = 2  # of alignment and relabelling before and after tuning; a third changed < 0.05 deg
+FINE = 2  # first blur of an alignment that follows another one
 THIN = 2  # every other view until the last alignment
 
 
@@ -62,9 +63,9 @@ def _alternate(
     judge: Judge, joints: list[Joint], hard: Labels, views: Views
 ) -> tuple[list[Joint], Verdict]:
     study = judge.study
-    for _ in range(ROUNDS):
+    for turn in range(ROUNDS):
         labels = study.gaussian_labels(hard)
-        joints = align(study.gaussians, labels, joints, views, study.diag)
+        joints = align(study.gaussians, labels, joints, views, study.diag, FINE if turn else 0)
         verdict = judge.judge([_hypothesis(j) for j in joints])
         hard, _ = claim(judge, joints, verdict.hard)
         verdict = replace(verdict, hard=hard)

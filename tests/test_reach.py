@@ -7,9 +7,9 @@ from types import SimpleNamespace
 import numpy as np
 
 from part2gs_robotics.labelling import FOREIGN_COST, NEUTRAL_COST, Graph
-from part2gs_robotics.reach import FAR_COST, PROVEN, REACH, _far, _surface, claim
+from part2gs_robotics.reach import FAR_COST, LEAD, PROVEN, SHELLS, _far, _proven, _surface, claim
 
-COUNT = 40  # surfels in a row, a unit apart
+COUNT = 41  # surfels in a row, a unit apart
 
 
 def row_of_surfels(gap_after: int | None = None) -> SimpleNamespace:
@@ -21,29 +21,37 @@ def row_of_surfels(gap_after: int | None = None) -> SimpleNamespace:
         high[gap_after], low[gap_after + 1] = gap_after, gap_after + 1
     graph = Graph(np.stack([low, high], 1), np.ones((COUNT, 2)))
     states = (SimpleNamespace(points=points[:20]), SimpleNamespace(points=points[20:]))
-    return SimpleNamespace(surfels=states, graph=graph, diag=COUNT / REACH)
+    return SimpleNamespace(surfels=states, graph=graph)
 
 
-def test_the_way_is_measured_along_the_surface() -> None:
-    study = row_of_surfels()
+def ends() -> np.ndarray:
+    proven = np.zeros((COUNT, 2), bool)
+    proven[0, 0] = proven[-1, 1] = True
+    return proven
+
+
+def test_the_nearer_end_wins_and_the_middle_is_a_tie() -> None:
+    far = _far(ends(), _surface(row_of_surfels()), 10 / LEAD)
+    index = np.arange(COUNT)
+    lead = np.clip((2 * index - (COUNT - 1)) / 10, 0, 1)  # how much nearer the far end is
+    np.testing.assert_allclose(far[:, 0], FAR_COST * lead)
+    np.testing.assert_allclose(far[:, 1], FAR_COST * lead[::-1])
+
+
+def test_a_gap_cannot_be_crossed() -> None:
+    far = _far(ends(), _surface(row_of_surfels(gap_after=9)), 100.0)
+    np.testing.assert_allclose(far[:10], np.tile([0.0, FAR_COST], (10, 1)))
+    np.testing.assert_allclose(far[11:], np.tile([FAR_COST, 0.0], (COUNT - 11, 1)))
+
+
+def test_proofs_are_clear_and_stand_amid_proofs() -> None:
     costs = np.full((COUNT, 2), NEUTRAL_COST)
-    costs[0], costs[-1] = (0.0, 1.0), (1.0, 0.0)
     hard = (np.arange(COUNT) >= 20).astype(np.int64)
-    far = _far(costs, hard, _surface(study), REACH * study.diag)
-    np.testing.assert_allclose(far[:, 0], FAR_COST * np.arange(COUNT) / COUNT)
-    np.testing.assert_allclose(far[:, 1], far[::-1, 0])
-
-
-def test_a_gap_cannot_be_crossed_and_doubtful_surfels_prove_nothing() -> None:
-    study = row_of_surfels(gap_after=9)
-    costs = np.full((COUNT, 2), NEUTRAL_COST)
-    costs[0] = 0.0, 1.0
-    costs[-1] = 1.0, PROVEN + 0.01  # too dear to be a proof
-    hard = (np.arange(COUNT) >= 20).astype(np.int64)
-    far = _far(costs, hard, _surface(study), REACH * study.diag)
-    assert (far[:10, 0] < FAR_COST / 2).all()
-    assert (far[10:, 0] == FAR_COST).all()
-    assert (far[:, 1] == FAR_COST).all()
+    costs[:20], costs[20:] = (0.0, 1.0), (1.0, PROVEN + 0.01)  # the right half is too dear
+    costs[30] = 1.0, 0.0  # clear, but alone
+    proven = _proven(costs, hard, row_of_surfels().graph)
+    assert proven[: 20 - SHELLS, 0].all()
+    assert proven.sum() == 20 - SHELLS
 
 
 def test_a_hidden_side_goes_with_the_part_it_hangs_on(slid) -> None:
