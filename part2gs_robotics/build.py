@@ -116,7 +116,7 @@ class _Corridor:
         gaussians = (fits[0][0], fits[1][0])
         motion, key = self._articulate(gaussians, keys)
         parts = self._mesh(gaussians, motion, key)
-        plan = settle_plan(plan, motion, parts)
+        plan = settle_plan(plan, gaussians, motion, parts)
         name = re.sub(r"[^a-z0-9_]+", "_", self.scene.path.resolve().name.lower()).strip("_")
         twin = Twin(name or "twin", parts, self.scene.meters_per_unit, self.scene.up,
                     (*self.scene.notes, *motion.notes))
@@ -217,8 +217,12 @@ def _state_parts(state: StateViews) -> tuple[object, ...]:
     return (state.images, state.alphas, state.Ks, state.viewmats, depths, state.held_out)
 
 
-def settle_plan(plan: Plan, motion: Motion, parts: tuple[Part, ...]) -> Plan:
+def settle_plan(plan: Plan, gaussians: tuple[Gaussians, Gaussians], motion: Motion,
+                parts: tuple[Part, ...]) -> Plan:
     """Return the plan with the decisions that only measurements could make."""
+    glossy = [f"state {s}" for s, g in enumerate(gaussians) if g.shN.shape[1]]
+    plan = plan.settle("view-dependent colour", bool(glossy), "held-out views gain by it in "
+                       + " and ".join(glossy) if glossy else "held-out views gain nothing by it")
     if plan["part competition"].decided == "during":
         many = len(motion.joints) > 1
         plan = plan.settle("part competition", many, f"{len(motion.joints)} moving parts found")

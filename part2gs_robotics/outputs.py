@@ -83,14 +83,12 @@ def _write_gaussians(folder: Path, gaussians: Gaussians, motion: Motion, twin: T
 def _picture(state: StateViews, gaussians: Gaussians,
              name: str) -> tuple[str, NDArray[np.uint8], NDArray[np.uint8]]:
     """Return (caption, photo, render) of a view that was never trained on, over white."""
-    from part2gs_robotics.render import render
+    from part2gs_robotics.fit_view import WHITE, drawn_over
 
     view = int(np.flatnonzero(state.held_out)[0])
     alpha = state.alphas[view][..., None] / 255.0
     photo = state.images[view] * alpha + 255.0 * (1.0 - alpha)
-    rendered = render(gaussians.means, gaussians.quats, gaussians.scales, gaussians.opacities,
-                      gaussians.colors, state.viewmats[view], state.Ks[view], state.width,
-                      state.height, background=np.ones(3, np.float32))
+    rendered = drawn_over(gaussians, state, view, WHITE)
     drawn = np.clip(rendered.color * 255.0, 0, 255)
     return (f"{name}, held-out view {state.names[view]}", np.rint(photo).astype(np.uint8),
             np.rint(drawn).astype(np.uint8))

@@ -82,8 +82,12 @@ def _fitting(scene: Scene) -> tuple[PlanItem, ...]:
     return (
         PlanItem("fit", True, f"{views} training and held-out views"),
         PlanItem("depth term", any(with_depth), depth),
-        PlanItem("view-dependent colour", False,
-                 "colour per Gaussian is one value (SH 0); held-out views measure what that costs"),
+        PlanItem("hollows by stereo", not all(with_depth), "silhouettes cannot see into hollows"
+                 if not all(with_depth) else "depth images show them"),
+        PlanItem("depth smoothness", not all(with_depth), "plain walls have no depth of their own"
+                 if not all(with_depth) else "depth images tell"),
+        PlanItem("view-dependent colour", True, "kept only if held-out views gain by it",
+                 "during"),
     )
 
 

@@ -12,6 +12,7 @@ import numpy as np
 from numba import prange
 from numpy.typing import ArrayLike, NDArray
 
+from part2gs_robotics.gaussians import Gaussians
 from part2gs_robotics.render_jit import inlined, parallel_kernel
 
 Floats = NDArray[np.floating]
@@ -56,6 +57,14 @@ def sh_colors_backward(means: Floats, sh0: Floats, shN: Floats, camera_position:
     out = np.zeros_like(sh0), np.zeros_like(shN), np.zeros_like(means)
     _backward(means, sh0, shN, np.asarray(camera_position, np.float64), d_colors, *out)
     return out
+
+
+def seen_from(gaussians: Gaussians, viewmat: Floats) -> NDArray[np.float32]:
+    """Return the colours [N, 3] of Gaussians as seen from a camera_from_world [4, 4]."""
+    if gaussians.shN.shape[1] == 0:
+        return gaussians.colors
+    eye = -viewmat[:3, :3].T @ viewmat[:3, 3]
+    return sh_colors(gaussians.means, gaussians.sh0, gaussians.shN, eye).astype(np.float32)
 
 
 @inlined

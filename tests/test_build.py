@@ -67,12 +67,15 @@ def motion(count: int, notes: tuple[str, ...] = ()) -> Motion:
                   {"search": 2.5})
 
 
-def test_fit_survives_the_store(tmp_path: Path) -> None:
+def some_gaussians(higher: int) -> Gaussians:
     rng = np.random.default_rng(0)
-    shapes = {"means": (4, 3), "quats": (4, 4), "log_scales": (4, 3), "logit_opacities": (4,),
-              "sh0": (4, 3), "shN": (4, 0, 3)}
-    gaussians = Gaussians(**{k: rng.normal(size=v).astype(np.float32) for k, v in shapes.items()})
-    fitted = (gaussians, ((0.5, 20.25), (3.0, 31.5)))
+    shapes = {"means": (9, 3), "quats": (9, 4), "log_scales": (9, 3), "logit_opacities": (9,),
+              "sh0": (9, 3), "shN": (9, higher, 3)}
+    return Gaussians(**{k: rng.normal(size=v).astype(np.float32) for k, v in shapes.items()})
+
+
+def test_fit_survives_the_store(tmp_path: Path) -> None:
+    fitted = (some_gaussians(3), ((0.5, 20.25), (3.0, 31.5)))
     assert equal(load_fit(through_disk(save_fit(fitted), tmp_path)), fitted)
 
 
@@ -103,12 +106,16 @@ def ball_scene(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_open_decisions_are_settled(ball_scene: Path) -> None:
     plan = make_plan(read_scene(ball_scene, ReadConfig()), Config())
-    parts = toy_cabinet_twin().parts
-    one, two = (settle_plan(plan, motion(count), parts) for count in (1, 2))
+    parts, matt = toy_cabinet_twin().parts, some_gaussians(0)
+    one, two = (settle_plan(plan, (matt, matt), motion(count), parts) for count in (1, 2))
+    assert not one["view-dependent colour"].used
+    gloss = settle_plan(plan, (matt, some_gaussians(3)), motion(1), parts)
+    assert gloss["view-dependent colour"].used
+    assert gloss["view-dependent colour"].reason.endswith("in state 1")
     assert not one["part competition"].used
     assert two["part competition"].used
     assert two["repel points"].reason == "6 points between parts"
-    assert settle_plan(plan, Motion((np.zeros((0, 2), np.float32),) * 2, (joint(),), (0,)),
+    assert settle_plan(plan, (matt, matt), Motion((np.zeros((0, 2), np.float32),) * 2, (joint(),), (0,)),
                        parts)["repel points"].used is False
     pieces = two["convex decomposition"]
     assert pieces.used == any(len(part.pieces) > 1 for part in parts)
