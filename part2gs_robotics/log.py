@@ -105,18 +105,22 @@ class Progress:
         """
         self.label, self.unit = label, unit
         self._stream = stream or sys.stderr
-        self._start = self._last = time.monotonic()
+        self._last = time.monotonic()
+        self._first: tuple[int, float] | None = None
 
     def __call__(self, step: int, steps: int, number: float = float("nan")) -> None:
         """Say how far the stage is, when it is time to say so again."""
         now = time.monotonic()
         on_terminal = self._stream.isatty()
+        # The first step pays for start-up; the pace is that of the steps after it.
+        first, began = self._first = self._first or (step, now)
         if now - self._last < (TTY_EVERY_S if on_terminal else PLAIN_EVERY_S):
             return
         self._last = now
-        left = (now - self._start) * (steps - step) / max(1, step)
         shown = f", {number:.4g} {self.unit}".rstrip() if number == number else ""
-        text = f"{self.label}: {step}/{steps}{shown}, {_clock(left)} left"
+        left = (now - began) * (steps - step) / max(1, step - first)
+        ahead = f", {_clock(left)} left" if step > first else ""
+        text = f"{self.label}: {step}/{steps}{shown}{ahead}"
         if on_terminal:
             enabled = _console_level() <= logging.INFO
             self._stream.write(CLEAR_LINE + text if enabled else "")
