@@ -23,6 +23,7 @@ PROVEN = 0.25  # landing cost: a fair match, well below an unobserved place
 MARGIN = 0.1  # that every other label costs more
 AGREED = 0.8  # of the neighbours of a proof are proofs too: similar grain proves patches by chance
 SHELLS = 4  # times that is asked: patches less than four surfels wide are such chances
+KEPT = 0.25  # of a part's proofs at least: a drawer's front may be no wider than its handle
 REACH = 0.5  # of the diagonal, along the surface: farther apart all labels are equally far
 LEAD = 0.02  # of the diagonal, two surfels: what a way must be longer to count in full
 FAR_COST = 0.15  # half of what an unobserved place costs: breaks ties, outvotes no match
@@ -65,10 +66,21 @@ def _proven(costs: F64, hard: Labels, graph: Graph) -> NDArray[np.bool_]:
     own, others = costs[rows, hard], costs.copy()
     others[rows, hard] = np.inf
     proven = (own < PROVEN) & (own + MARGIN < others.min(1))
-    same = hard[graph.neighbors] == hard[:, None]
+    proofs = proven[:, None] & (hard[:, None] == np.arange(costs.shape[1]))
+    for k in range(costs.shape[1]):
+        proofs[:, k] = _core(proofs[:, k], graph)
+    return np.asarray(proofs)
+
+
+def _core(proofs: NDArray[np.bool_], graph: Graph) -> NDArray[np.bool_]:
+    """Return the proofs amid proofs; a part that has no wide patch of them keeps narrow ones."""
+    fewest = KEPT * proofs.sum()
     for _ in range(SHELLS):
-        proven &= (proven[graph.neighbors] & same).mean(1) >= AGREED
-    return np.asarray(proven[:, None] & (hard[:, None] == np.arange(costs.shape[1])))
+        inner = proofs & (proofs[graph.neighbors].mean(1) >= AGREED)
+        if inner.sum() < fewest:
+            break
+        proofs = inner
+    return proofs
 
 
 def _far(proven: NDArray[np.bool_], surface: csr_matrix, diag: float) -> F64:

@@ -51,7 +51,16 @@ def test_proofs_are_clear_and_stand_amid_proofs() -> None:
     costs[30] = 1.0, 0.0  # clear, but alone
     proven = _proven(costs, hard, row_of_surfels().graph)
     assert proven[: 20 - SHELLS, 0].all()
-    assert proven.sum() == 20 - SHELLS
+    assert proven.sum() == 20 - SHELLS + 1  # the lone one is all its label has
+
+
+def test_a_narrow_part_keeps_its_proofs() -> None:
+    costs = np.tile([0.0, 1.0], (COUNT, 1))
+    hard = np.zeros(COUNT, np.int64)
+    hard[18:23], costs[18:23] = 1, (1.0, 0.0)
+    proven = _proven(costs, hard, row_of_surfels().graph)
+    assert 0 < proven[:, 1].sum() <= 5
+    assert proven[:18, 0].any()
 
 
 def test_a_hidden_side_goes_with_the_part_it_hangs_on(slid) -> None:
