@@ -22,8 +22,8 @@ from part2gs_robotics.sh import seen_from, sh_colors_backward
 logger = logging.getLogger(__name__)
 F32 = NDArray[np.float32]
 GAIN = 0.5  # dB over held-out views: less is what more steps of any kind give
-STEPS = 120  # two looks at 56 views; colours alone settle that fast
-RATE = 1e-2  # per step and coefficient: 120 steps reach a colour change of a third
+STEPS = 60  # one look at 56 views; colours alone settle that fast
+RATE = 2e-2  # per step and coefficient: 60 steps reach a colour change of a third
 WHITE = np.ones(3, np.float32)  # held-out views are measured over white, as in NeRF
 
 
