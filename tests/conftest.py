@@ -247,3 +247,25 @@ def turned(toy):
     moved = Box(door.lo, door.hi, 3, screw_motion(*HINGE, 0.0))
     return SimpleNamespace(axis=HINGE[0], origin=HINGE[1], value=HINGE[2], block=door,
                            states=(seen_surface([base, door]), seen_surface([base, moved])))
+
+
+@pytest.fixture(scope="session")
+def look_alikes(toy):
+    """Two equal blocks on a base, slid along x by 0.3 and 0.2: a study, the truth, the photos."""
+    from part2gs_robotics.motion_search import Hypothesis
+    from part2gs_robotics.se3 import make
+    from part2gs_robotics.study import gather
+
+    base = Box((0, 0, 0), (0.9, 0.8, 0.25), 1)
+    truth = [Hypothesis(0, np.array([1.0, 0, 0]), np.array([0.2, 0.4, 0.4]), way)
+             for way in (0.3, 0.2)]
+    places = [((0.05, 0.06, 0.25), (0.4, 0.36, 0.5)), ((0.05, 0.44, 0.25), (0.4, 0.74, 0.5))]
+    before = [base, *(Box(*place, 2) for place in places)]
+    after = [base, *(Box(*place, 2, make(np.eye(3), h.axis * h.value))
+                     for place, h in zip(places, truth, strict=True))]
+    pairs = [gaussians_of(boxes, 0.04) for boxes in (before, after)]
+    eyes = cameras(16, 56, np.array([0.45, 0.4, 0.25]), 1.1)
+    scene = scene_of(tuple(drawn(gaussians, *eyes, 56) for gaussians, _ in pairs))
+    study = gather(scene, (pairs[0][0], pairs[1][0]))
+    return SimpleNamespace(study=study, truth=truth, scene=scene,
+                           owners=tuple(owner for _, owner in pairs))

@@ -1,0 +1,172 @@
+"""Decision: true motions win, copies and impossible ones do not, look-alikes are told apart."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from part2gs_robotics import se3
+from part2gs_robotics.decide import MIN_SURFELS, PART_PRICE, Judge, decide, tune
+from part2gs_robotics.labelling import build_graph
+from part2gs_robotics.motion_search import Hypothesis
+
+pytestmark = pytest.mark.usefixtures("one_numba_thread")
+X, Y, Z = np.eye(3)
+
+
+def silent(_text):
+    """Hear a step and keep it to oneself."""
+
+
+def slide(axis, value):
+    return Hypothesis(0, axis, np.array([0.2, 0.4, 0.4]), value)
+
+
+WRONG = {
+    "across": slide(Y, 0.3), "up": slide(Z, 0.3), "backwards": slide(X, -0.3),
+    "between": slide(X, 0.25), "still": slide(X, 0.0),
+    "turn": Hypothesis(1, Z, np.array([0.45, 0.4, 0.4]), np.pi),
+}
+
+
+@pytest.fixture(scope="module")
+def judge(look_alikes):
+    return Judge(look_alikes.study)
+
+
+@pytest.fixture(scope="module")
+def right(judge, look_alikes):
+    """The verdict on both true motions."""
+    return judge.judge(look_alikes.truth)
+
+
+@pytest.fixture(scope="module")
+def best_alone(judge, look_alikes):
+    """The lower cost of one true motion: the longer way leaves less unexplained."""
+    return min(judge.judge([h]).cost for h in look_alikes.truth)
+
+
+@pytest.mark.parametrize("world", ["slid", "turned"])
+def test_no_wrong_motion_explains_surfels_as_well_as_the_true_one(world, request):
+    seen = request.getfixturevalue(world)
+    states = tuple(s.surfels for s in seen.states)
+    judge = Judge(SimpleNamespace(surfels=states, lands=tuple(s.land for s in seen.states),
+                                  graph=build_graph(states), tau=0.03))
+    turning = world == "turned"
+    origin = seen.origin if turning else np.array([0.2, 0.3, 0.4])
+    truth = Hypothesis(int(turning), seen.axis, origin, seen.value)
+    hard, best = judge.sort_out([truth])
+    assert judge.coherent([truth], hard)
+    tilt = se3.rotation_from_rotvec(np.deg2rad(15) * Y) @ seen.axis
+    others = [replace(truth, value=f * seen.value) for f in (-1.0, 0.7, 1.3)]
+    others += [replace(truth, axis=tilt), replace(truth, kind=1 - truth.kind)]
+    for other in others:
+        assert judge.sort_out([other])[1] > best + PART_PRICE, other
+    assert judge.sort_out([])[1] > best + 10 * PART_PRICE
+
+
+@pytest.mark.parametrize("name", WRONG)
+def test_a_wrong_motion_beats_no_true_one(judge, right, best_alone, look_alikes, name):
+    assert judge.judge([WRONG[name]]).cost > best_alone + PART_PRICE
+    assert judge.judge([look_alikes.truth[0], WRONG[name]]).cost > right.cost + PART_PRICE
+    assert judge.judge([*look_alikes.truth, WRONG[name]]).cost > right.cost - PART_PRICE
+
+
+def test_both_true_motions_carry_their_own_blocks(judge, right, look_alikes):
+    assert right.coherent
+    found = judge.study.gaussian_labels(right.hard)
+    for labels, owner, g in zip(found, look_alikes.owners, judge.study.gaussians, strict=True):
+        away = g.means[:, 2] > 0.3  # the seam between block and base may go either way
+        assert (labels == owner)[away].mean() > 0.97
+        assert (labels == owner).mean() > 0.9
+    assert right.cost == pytest.approx(right.surfel_cost + right.image_cost)
+    assert all(judge.confidence(right, k) > 0.5 for k in (0, 1))
+
+
+def test_a_copy_does_not_pay_and_nobody_needs_it(judge, right, look_alikes):
+    first, second = look_alikes.truth
+    twice = judge.judge([first, second, replace(first)])
+    assert twice.cost > right.cost - PART_PRICE
+    own = [(twice.hard == label).sum() for label in (1, 3)]
+    assert min(own) < 0.05 * max(own), "copies do not share a block"
+    assert max(judge.confidence(twice, k) for k in (0, 2)) < 0.05
+
+
+def test_a_part_carries_its_own_surfels_of_one_state_onto_those_of_the_other(judge, right):
+    n0, motions = len(judge.study.surfels[0]), list(right.motions)
+    one_way = np.where((np.arange(len(right.hard)) >= n0) & (right.hard == 1), 0, right.hard)
+    assert not judge.coherent(motions, one_way), "seen in one state alone"
+    crossed = right.hard.copy()
+    crossed[n0:] = np.array([0, 2, 1])[right.hard[n0:]]
+    assert not judge.coherent(motions, crossed), "one block becomes the other"
+    own = np.flatnonzero(right.hard[:n0] == 1)
+    top = np.array([0.225, 0.21, 0.5])  # middle of the block's upper face, seen by every view
+    own = own[np.linalg.norm(judge.study.surfels[0].points[own] - top, axis=1).argsort()]
+    for count in (5, 60):
+        few = right.hard.copy()
+        few[own[count:]] = 0
+        assert judge.coherent(motions, few) == (count > MIN_SURFELS), "a floater is no part"
+    assert judge.coherent([], np.zeros_like(right.hard))
+
+
+def test_an_incoherent_set_costs_more_than_any_coherent_one(judge, right):
+    assert replace(right, coherent=False).cost == pytest.approx(right.cost + 1.0)
+    assert judge.judge([]).cost < replace(right, coherent=False).cost
+
+
+def test_the_best_of_sets_is_the_cheapest_in_any_order(judge, right, look_alikes):
+    sets = [[WRONG["between"]], look_alikes.truth, [look_alikes.truth[0]]]
+    for order in (sets, sets[::-1]):
+        best = judge.best_of(order)
+        assert best.motions == right.motions
+        assert best.cost == right.cost
+
+
+def test_polishing_never_costs(judge, look_alikes):
+    rough = judge.judge([slide(X, 0.31), look_alikes.truth[1]])
+    fine = judge.polished(rough)
+    assert fine.cost <= rough.cost
+    assert abs(fine.motions[0].value - 0.3) < 0.01
+
+
+def test_as_many_parts_are_found_as_pay(look_alikes):
+    first, second = look_alikes.truth
+    pool = [WRONG["across"], first, replace(first), second]
+    said = []
+    found = decide(look_alikes.study, pool, None, said.append)
+    assert sorted(h.value for h in found.motions) == pytest.approx([0.2, 0.3], abs=0.005)
+    assert found.coherent
+    assert said[0].startswith("nothing moves: cost")
+    assert said[-1].startswith("tuned:")
+
+
+def test_one_part_by_order_is_one_part(look_alikes):
+    found = decide(look_alikes.study, [WRONG["across"], *look_alikes.truth], 1, silent)
+    motion, = found.motions
+    assert motion.value == pytest.approx(0.3, abs=0.005)
+
+
+def test_without_hypotheses_or_with_wrong_ones_alone_nothing_moves(look_alikes):
+    assert decide(look_alikes.study, [], None, silent).motions == ()
+    assert decide(look_alikes.study, [], 2, silent).motions == ()
+    assert decide(look_alikes.study, [WRONG["across"], WRONG["up"]], None, silent).motions == ()
+
+
+def test_tuning_repairs_lengths_that_are_off_by_a_hundredth(judge, right, look_alikes):
+    off = 0.01 * judge.study.diag
+    wrong = judge.judge([slide(X, 0.3 - off), slide(X, 0.2 + off)])
+    assert wrong.cost > right.cost + 0.01
+    found = tune(judge, wrong, silent)
+    assert found.cost == pytest.approx(right.cost, abs=1e-3)
+    assert [h.value for h in found.motions] == pytest.approx([0.3, 0.2], abs=0.003)
+    assert (found.hard == right.hard).mean() > 0.99
+
+
+def test_tuning_leaves_one_motion_and_turns_alone(judge, look_alikes):
+    one = judge.judge([slide(X, 0.28)])
+    assert tune(judge, one, silent) is one
+    turns = judge.judge([WRONG["turn"], replace(WRONG["turn"], value=1.0)])
+    assert tune(judge, turns, silent) is turns
