@@ -1,0 +1,92 @@
+"""Settlement: joints and labels that the images like no less than before, and nearer the truth."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from part2gs_robotics.cross_render import both_cost
+from part2gs_robotics.decide import Judge
+from part2gs_robotics.joint_fit import move_of
+from part2gs_robotics.joints import Joint
+from part2gs_robotics.motion_search import Hypothesis
+from part2gs_robotics.settle import settle
+from part2gs_robotics.small_views import small_views
+
+pytestmark = pytest.mark.usefixtures("one_numba_thread")
+
+
+@pytest.fixture(scope="module")
+def judge(look_alikes):
+    return Judge(look_alikes.study)
+
+
+@pytest.fixture(scope="module")
+def views(look_alikes):
+    return tuple(small_views(state, 6, 56) for state in look_alikes.scene.states)
+
+
+@pytest.fixture(scope="module")
+def true_joints(look_alikes):
+    return [Joint("prismatic", h.axis, h.origin, h.value) for h in look_alikes.truth]
+
+
+def hypothesis(joint):
+    return Hypothesis(0, joint.axis, joint.origin, joint.value)
+
+
+def off(joint, degrees, length):
+    """Return the joint tilted sideways and lengthened."""
+    angle = np.deg2rad(degrees)
+    return replace(joint, axis=np.array([np.cos(angle), np.sin(angle), 0]),
+                   value=joint.value + length)
+
+
+def image_cost(judge, joints, hard, views):
+    labels = judge.study.gaussian_labels(hard)
+    moves = [np.eye(4), *(move_of(joint) for joint in joints)]
+    return both_cost(judge.study.gaussians, labels, moves, views, (0.5, 0.5))
+
+
+def miss(judge, joints, truth):
+    """Return the largest distance between found and true slides, of the diagonal."""
+    ways = [np.linalg.norm(j.axis * j.value - t.axis * t.value)
+            for j, t in zip(joints, truth, strict=True)]
+    return max(ways) / judge.study.diag
+
+
+@pytest.mark.parametrize(("degrees", "share"), [(0.0, 0.0), (1.5, 0.01), (-1.5, -0.01)])
+def test_one_joint_is_aligned_and_its_labels_stay(judge, views, true_joints, degrees, share):
+    start = off(true_joints[0], degrees, share * judge.study.diag)
+    hard = judge.judge([hypothesis(true_joints[0])]).hard
+    found, same = settle(judge, [start], hard, views)
+    assert np.array_equal(same, hard)
+    assert image_cost(judge, found, hard, views) <= image_cost(judge, [start], hard, views)
+    assert miss(judge, found, true_joints[:1]) < 0.002
+    assert 0 < found[0].sigma_value < 0.01
+
+
+def test_look_alikes_get_their_own_lengths_and_surfels(judge, views, true_joints):
+    """Lengths off towards each other and axes apart: every block holds surfels of the other."""
+    truth = judge.judge([hypothesis(j) for j in true_joints]).hard
+    length = 0.01 * judge.study.diag
+    start = [off(true_joints[0], 1.0, -length), off(true_joints[1], -1.0, length)]
+    before = judge.judge([hypothesis(j) for j in start]).hard
+    found, hard = settle(judge, start, before, views)
+    assert image_cost(judge, found, hard, views) <= image_cost(judge, start, before, views)
+    assert miss(judge, start, true_joints) > 0.009
+    assert miss(judge, found, true_joints) < 0.002
+    assert (hard == truth).mean() > max(0.98, (before == truth).mean())
+    assert [j.kind for j in found] == ["prismatic", "prismatic"]
+
+
+def test_a_part_that_nothing_shows_does_not_spoil_the_others(judge, views, true_joints):
+    """No surfel belongs to the second joint: the first one is settled all the same."""
+    start = [true_joints[0], replace(true_joints[1], axis=np.array([0.0, 0, 1]), value=0.5)]
+    before = judge.judge([hypothesis(true_joints[0])]).hard
+    found, hard = settle(judge, start, before, views)
+    assert image_cost(judge, found, hard, views) <= image_cost(judge, start, before, views)
+    assert miss(judge, found[:1], true_joints[:1]) < 0.003
+    assert all(np.isfinite(j.axis).all() and np.isfinite(j.value) for j in found)
