@@ -45,6 +45,23 @@ class _System:
     error: float = 0.0
     count: float = 0.0
 
+    @property
+    def variance(self) -> float:
+        """Mean squared residual of a pixel."""
+        return self.error / max(self.count, 1.0) + 1e-12  # a part that no pixel shows
+
+
+def _weighed(one: _System, two: _System) -> _System:
+    """Return the sum of a part's systems in both directions, the truer direction first.
+
+    A state that shows a part badly has its surface wrong and looks wrong when carried over. Weights
+    are squared ratios of the residual variances, since much of either is plain noise.
+    """
+    least = min(one.variance, two.variance)
+    a, b = ((least / s.variance) ** 2 for s in (one, two))
+    return _System(a * one.h + b * two.h, a * one.g + b * two.g, a * one.error + b * two.error,
+                   a * one.count + b * two.count)
+
 
 def align(
     gaussians: tuple[Gaussians, Gaussians],
@@ -105,7 +122,7 @@ def _solve(system: _System) -> F64:
 
 
 def _with_sigma(joint: Joint, system: _System, diag: float) -> Joint:
-    variance = system.error / max(system.count, 1.0) * CORRELATION
+    variance = system.variance * CORRELATION
     covariance = variance * np.linalg.pinv(system.h + 1e-9 * np.eye(len(system.g)))
     sigma = np.sqrt(np.maximum(np.diag(covariance), 0.0))
     turning = joint.kind != "prismatic"
@@ -126,8 +143,9 @@ def _systems(
     blur: float,
 ) -> list[_System]:
     sizes = [len(parameters(j)) for j in joints]
-    systems = [_System(np.zeros((n, n)), np.zeros(n)) for n in sizes]
+    both = []
     for target in (0, 1):
+        systems = [_System(np.zeros((n, n)), np.zeros(n)) for n in sizes]
         source = 1 - target
         moves = [np.eye(4), *(_into(j, target) for j in joints)]
         means, quats = move_gaussians(gaussians[source], labels[source], moves)
@@ -152,7 +170,8 @@ def _systems(
             _add_view(
                 systems, rates, out.color, out.alpha, out.depth, out.extra, small, v, diag, blur
             )
-    return systems
+        both.append(systems)
+    return [_weighed(one, two) for one, two in zip(*both, strict=True)]
 
 
 def _into(joint: Joint, target: int) -> F64:

@@ -183,6 +183,9 @@ def _finish(
     ]
     probs = refine_identities(unary[0], unary[1], study.gaussians, joints)
     diagnostics, notes = part_diagnostics(study, joints, hard, config.paper_mode)
+    if config.parts and config.parts != len(joints):
+        notes = (*notes, f"--parts asks for {config.parts} moving parts; only {len(joints)} are "
+                 "rigid bodies of their own, the others were left out.")
     clock.tick("identity", 5, len(joints))
     return Motion(
         (probs[0], probs[1]), tuple(joints), (0,) * len(joints), diagnostics, notes, clock.seconds

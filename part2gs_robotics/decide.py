@@ -159,6 +159,9 @@ def decide(
         say(f"{len(grown.motions)} parts: cost {grown.cost:.3f}, {gain:.3f} less")
         if parts is None and gain < PART_PRICE:
             break
+        if not grown.coherent:  # --parts asks for more bodies than move
+            say(f"only {len(best.motions)} of {parts} parts are bodies of their own")
+            break
         best = grown
     return tune(judge, best, say)
 
@@ -204,7 +207,9 @@ def _variants(motions: tuple[Hypothesis, ...], k: int, diag: float) -> list[Hypo
     for other in motions:
         cosine = float(other.axis @ own.axis)
         if other is not own and not other.kind and abs(cosine) > np.cos(TUNE_ANGLE):
-            axes.append(other.axis * np.sign(cosine))
+            axis = other.axis * np.sign(cosine)
+            if all(float(axis @ known) < 1 - 1e-9 for known in axes):  # parallel ones are one try
+                axes.append(axis)
     return [
         Hypothesis(0, axis, own.origin, own.value + float(step) * diag)
         for axis in axes

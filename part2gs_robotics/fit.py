@@ -7,6 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from part2gs_robotics.adam import Adam
 from part2gs_robotics.config import FitConfig
@@ -27,10 +28,11 @@ from part2gs_robotics.fit_step import (
 from part2gs_robotics.fit_view import held_out_psnr, with_view_dependence
 from part2gs_robotics.gaussians import Gaussians
 from part2gs_robotics.hull import Hull, carve
-from part2gs_robotics.render_cpu import render_backward
+from part2gs_robotics.render_cpu import Rendered, render_backward
 from part2gs_robotics.scene import StateViews
 from part2gs_robotics.tones import Tones, tones_of
 
+Floats = NDArray[np.floating]
 Progress = Callable[[int, int, float], None]  # step, steps, last held-out PSNR
 
 
@@ -140,15 +142,9 @@ class _Run:
         rendered = draw(self.params, self.state.viewmats[view], intrinsics, alpha.shape[1],
                         alpha.shape[0], background)
         losses, d_color, d_alpha = image_terms(rendered, target, alpha, self.config.alpha_weight)
-        d_depth = None
-        if self.state.depths is not None and level == 0 and self.config.depth_weight > 0:
-            losses["depth"], d_depth, more = depth_term(
-                rendered, self.state.depths[view], self.diagonal, self.config.depth_weight)
-            d_alpha += more
-        elif step > self.config.half_steps and self.config.smooth_weight > 0:
-            losses["smooth"], d_depth, more = smooth_term(
-                rendered, self.views.photo(view, level), alpha, self.diagonal,
-                self.config.smooth_weight)
+        name, loss, d_depth, more = self._depth_loss(rendered, view, level, alpha)
+        if d_depth is not None:
+            losses[name] = loss
             d_alpha += more
         gradients = render_backward(rendered, d_color, d_alpha, d_depth, None)
         grads = chain(self.params, gradients)
@@ -167,6 +163,22 @@ class _Run:
         if step % CHANGE_EVERY == 0 and done <= CHANGE_UNTIL:
             grown = self.start + (self.config.max_gaussians - self.start) * done / CHANGE_UNTIL
             self.params = self.density.change(self.params, self.adam, int(grown))
+
+    def _depth_loss(self, rendered: Rendered, view: int, level: int, alpha: Floats,
+                    ) -> tuple[str, float, Floats | None, Floats]:
+        """Return the depth term, or without depth images the smoothness, and its gradients.
+
+        The gradient by depth is None where there is no such term: at half size, and in natural
+        tones, when only colours change.
+        """
+        depths, config = self.state.depths, self.config
+        weight = config.smooth_weight if depths is None else config.depth_weight
+        if level or not self.even or weight == 0:
+            return "", 0.0, None, alpha
+        if depths is not None:
+            return "depth", *depth_term(rendered, depths[view], self.diagonal, weight)
+        photo = self.views.photo(view, level)
+        return "smooth", *smooth_term(rendered, photo, alpha, self.diagonal, weight)
 
     def held_out_psnr(self) -> float:
         """Return the mean PSNR over the held-out views in their natural tones."""

@@ -75,7 +75,7 @@ def _hollows(maps: DepthMaps, photos: NDArray[np.uint8], known: F64, hull: Hull,
     voxel, stride = sampling(maps, SPACING * hull.diagonal)
     surfels = fuse_surfels(maps, photos, voxel, min_views=MIN_VIEWS, stride=stride)
     seen = observe(surfels.points, maps, near)
-    fine = (seen.surface > MIN_VIEWS) & (seen.free < 0.5 * seen.surface)
+    fine = (seen.surface >= MIN_VIEWS) & (seen.free < 0.5 * seen.surface)
     far = cKDTree(known).query(surfels.points)[0] > near
     return surfels.select(np.asarray(fine & far))
 

@@ -57,7 +57,7 @@ class Plan:
 
 def make_plan(scene: Scene, config: Config) -> Plan:
     """Return what this scene and these flags need; nothing slow is looked at."""
-    return Plan((*_reading(scene), *_fitting(scene), *_articulation(scene, config),
+    return Plan((*_reading(scene), *_fitting(scene, config), *_articulation(scene, config),
                  *_geometry(config)))
 
 
@@ -73,19 +73,21 @@ def _reading(scene: Scene) -> tuple[PlanItem, ...]:
     )
 
 
-def _fitting(scene: Scene) -> tuple[PlanItem, ...]:
+def _fitting(scene: Scene, config: Config) -> tuple[PlanItem, ...]:
     with_depth = [state.depths is not None for state in scene.states]
     depth = {0: "the scene has no depth images", 1: "one state has depth images",
              2: "both states have depth images"}[sum(with_depth)]
+    smooth = "depth images tell" if all(with_depth) else "plain walls have no depth of their own"
+    smooth = smooth if config.fit.smooth_weight else "--smooth-weight is 0"
     views = " and ".join(f"{int((~state.held_out).sum())} + {int(state.held_out.sum())}"
                          for state in scene.states)
     return (
         PlanItem("fit", True, f"{views} training and held-out views"),
-        PlanItem("depth term", any(with_depth), depth),
+        PlanItem("depth term", any(with_depth) and config.fit.depth_weight > 0,
+                 depth if config.fit.depth_weight else "--depth-weight is 0"),
         PlanItem("hollows by stereo", not all(with_depth), "silhouettes cannot see into hollows"
                  if not all(with_depth) else "depth images show them"),
-        PlanItem("depth smoothness", not all(with_depth), "plain walls have no depth of their own"
-                 if not all(with_depth) else "depth images tell"),
+        PlanItem("depth smoothness", not all(with_depth) and config.fit.smooth_weight > 0, smooth),
         PlanItem("view-dependent colour", True, "kept only if held-out views gain by it",
                  "during"),
     )

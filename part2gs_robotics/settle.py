@@ -46,10 +46,10 @@ def settle(
         end = align(study.gaussians, labels, joints, views, study.diag)
         return judged(study.gaussians, labels, joints, end, views), hard
     thin = _thinned(views[0]), _thinned(views[1])
-    new, verdict = _alternate(judge, joints, hard, thin)
+    new, verdict = _alternate(judge, joints, hard, thin, 0)
     verdict = tune(judge, verdict, lambda text: logger.info("settle: %s", text))
     new = [_follow(j, h) for j, h in zip(new, verdict.motions, strict=True)]
-    new, verdict = _alternate(judge, new, verdict.hard, thin)
+    new, verdict = _alternate(judge, new, verdict.hard, thin, FINE)
     end = align(study.gaussians, study.gaussian_labels(verdict.hard), new, views, study.diag)
     costs = [_cost(judge, j, h, views) for j, h in ((joints, hard), (end, verdict.hard))]
     logger.info("settle: image cost %.4f after, %.4f before", costs[1], costs[0])
@@ -60,12 +60,12 @@ def settle(
 
 
 def _alternate(
-    judge: Judge, joints: list[Joint], hard: Labels, views: Views
+    judge: Judge, joints: list[Joint], hard: Labels, views: Views, blur: int
 ) -> tuple[list[Joint], Verdict]:
     study = judge.study
     for turn in range(ROUNDS):
         labels = study.gaussian_labels(hard)
-        joints = align(study.gaussians, labels, joints, views, study.diag, FINE if turn else 0)
+        joints = align(study.gaussians, labels, joints, views, study.diag, FINE if turn else blur)
         verdict = judge.judge([_hypothesis(j) for j in joints])
         hard, _ = claim(judge, joints, verdict.hard)
         verdict = replace(verdict, hard=hard)

@@ -122,4 +122,4 @@ def _own_surface(maps: DepthMaps, images: NDArray[np.uint8], diag: float) -> Sur
     voxel, stride = sampling(maps, SURFEL_VOXEL * diag)
     surfels = fuse_surfels(maps, images, voxel, min_views=MIN_VIEWS, stride=stride)
     seen = observe(surfels.points, maps, SELF_TOLERANCE * diag)
-    return surfels.select((seen.surface > MIN_VIEWS) & (seen.free < 0.5 * seen.surface))
+    return surfels.select((seen.surface >= MIN_VIEWS) & (seen.free < 0.5 * seen.surface))
