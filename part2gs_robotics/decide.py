@@ -17,7 +17,7 @@ from part2gs_robotics.study import Study
 
 F64 = NDArray[np.float64]
 PART_PRICE = 0.003  # of cost per object pixel plus cost per surfel: what one more part must save
-POOL = 24  # hypotheses that compete; the search ranks true ones first
+PART_SHARE = 0.027  # of the cost left: what noise saves grows with it (0.3..2.4 % on six objects)
 TUNE_ROUNDS = 3  # the third seldom changes anything
 TUNE_ANGLE = np.deg2rad(12.0)  # rad; drawers of one cabinet run parallel
 TUNE_STEPS = (-0.02, -0.01, -0.005, 0.0, 0.005, 0.01, 0.02)  # of the diagonal
@@ -157,7 +157,7 @@ def decide(
         grown = _swap(judge, grown, pool) if len(grown.motions) > 1 else grown
         gain = best.cost - grown.cost
         say(f"{len(grown.motions)} parts: cost {grown.cost:.3f}, {gain:.3f} less")
-        if parts is None and gain < PART_PRICE:
+        if parts is None and gain < max(PART_PRICE, PART_SHARE * best.cost):
             break
         if not grown.coherent:  # --parts asks for more bodies than move
             say(f"only {len(best.motions)} of {parts} parts are bodies of their own")
