@@ -18,6 +18,7 @@ from part2gs_robotics.study import Study
 F64 = NDArray[np.float64]
 PART_PRICE = 0.003  # of cost per object pixel plus cost per surfel: what one more part must save
 PART_SHARE = 0.027  # of the cost left: what noise saves grows with it (0.3..2.4 % on six objects)
+INCOHERENT = 0.05  # while parts are missing one motion must hide the others' surfels as well
 TUNE_ROUNDS = 3  # the third seldom changes anything
 TUNE_ANGLE = np.deg2rad(12.0)  # rad; drawers of one cabinet run parallel
 TUNE_STEPS = (-0.02, -0.01, -0.005, 0.0, 0.005, 0.01, 0.02)  # of the diagonal
@@ -45,8 +46,8 @@ class Verdict:
 
     @property
     def cost(self) -> float:
-        """Cost without the price of the parts; a part that is not one body is no part."""
-        return self.surfel_cost + self.image_cost + (0.0 if self.coherent else 1.0)
+        """Cost without the price of the parts; dearer with a part that is not one body."""
+        return self.surfel_cost + self.image_cost + (0.0 if self.coherent else INCOHERENT)
 
 
 class Judge:
@@ -150,7 +151,7 @@ def decide(
         say: told every step.
     """
     judge = Judge(study)
-    best = judge.judge([])
+    best = solid = judge.judge([])
     say(f"nothing moves: cost {best.cost:.3f}")
     while pool and (parts is None or len(best.motions) < parts):
         grown = judge.polished(judge.best_of([[*best.motions, h] for h in pool]))
@@ -159,11 +160,10 @@ def decide(
         say(f"{len(grown.motions)} parts: cost {grown.cost:.3f}, {gain:.3f} less")
         if parts is None and gain < max(PART_PRICE, PART_SHARE * best.cost):
             break
-        if not grown.coherent:  # --parts asks for more bodies than move
-            say(f"only {len(best.motions)} of {parts} parts are bodies of their own")
-            break
-        best = grown
-    return tune(judge, best, say)
+        best, solid = grown, grown if grown.coherent else solid
+    if solid is not best:
+        say(f"only {len(solid.motions)} of {len(best.motions)} parts are bodies of their own")
+    return tune(judge, solid, say)
 
 
 def _swap(judge: Judge, verdict: Verdict, pool: list[Hypothesis]) -> Verdict:
