@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 
 from part2gs_robotics import se3
-from part2gs_robotics.articulate import articulate
+from part2gs_robotics.articulate import _decide, articulate
 from part2gs_robotics.config import ArticulateConfig
 from part2gs_robotics.errors import FitError
 from part2gs_robotics.evidence import observe, render_depth_maps
+from part2gs_robotics.study import gather
 
 VIEWS = 24
 HINGE = (np.array([0.0, 0, 1]), np.array([0.0, -0.05, 0.0]), -0.9)
@@ -84,14 +85,22 @@ def test_the_same_input_gives_the_same_motion(toy):
     assert np.array_equal(one.part_probs[0], two.part_probs[0])
 
 
-def test_almost_no_evidence_is_an_error_of_the_input_and_no_crash(toy):
-    """Too small in the images, only a few points are seen to move: nothing can be proposed."""
+@pytest.mark.slow
+def test_small_images_are_enough(toy):
+    """The object is 40 pixels large: fewer surfels, but one in every pixel."""
     base, block = toy.Box((0, 0, 0), (0.8, 0.6, 0.4), 1), ((0.05, 0.1, 0.4), (0.4, 0.5, 0.7))
     slide = se3.make(np.eye(3), np.array([0.3, 0, 0]))
     scene, gaussians = observed(toy, [base, toy.Box(*block, 2)],
                                 [base, toy.Box(*block, 2, slide)], side=96, diag=1.5)
+    joint, = articulate(scene, gaussians, ArticulateConfig()).joints
+    assert degrees_between(joint.axis, np.array([1.0, 0, 0])) < 2.0
+    assert joint.value == pytest.approx(0.3, rel=0.03)
+
+
+def test_without_a_motion_that_pays_the_input_is_refused(toy):
+    scene, gaussians = slid_block(toy)
     with pytest.raises(FitError, match=r"toy: no rigid motion.*Expected at least one part.*check"):
-        articulate(scene, gaussians, ArticulateConfig())
+        _decide(gather(scene, gaussians), [], None, scene)
 
 
 def test_when_nothing_moves_the_message_says_what_where_and_what_to_do(toy):
