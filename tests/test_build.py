@@ -115,8 +115,8 @@ def test_open_decisions_are_settled(ball_scene: Path) -> None:
     assert not one["part competition"].used
     assert two["part competition"].used
     assert two["repel points"].reason == "6 points between parts"
-    assert settle_plan(plan, (matt, matt), Motion((np.zeros((0, 2), np.float32),) * 2, (joint(),), (0,)),
-                       parts)["repel points"].used is False
+    bare = Motion((np.zeros((0, 2), np.float32),) * 2, (joint(),), (0,))
+    assert settle_plan(plan, (matt, matt), bare, parts)["repel points"].used is False
     pieces = two["convex decomposition"]
     assert pieces.used == any(len(part.pieces) > 1 for part in parts)
 
