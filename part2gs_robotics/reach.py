@@ -25,6 +25,7 @@ AGREED = 0.8  # of the neighbours of a proof are proofs too: similar grain prove
 SHELLS = 4  # times that is asked: patches less than four surfels wide are such chances
 KEPT = 0.25  # of a part's proofs at least: a drawer's front may be no wider than its handle
 REACH = 0.5  # of the diagonal, along the surface: farther apart all labels are equally far
+THROUGH = 0.0  # cosine of normals: a way goes round an edge, not through a thin wall
 LEAD = 0.02  # of the diagonal, two surfels: what a way must be longer to count in full
 FAR_COST = 0.15  # half of what an unobserved place costs: breaks ties, outvotes no match
 ROUNDS = 2  # of proving and labelling; a third changes less than 0.1 % of the labels
@@ -56,7 +57,10 @@ def _surface(study: Study) -> csr_matrix:
     neighbors = study.graph.neighbors
     rows, cols = np.repeat(np.arange(len(points)), neighbors.shape[1]), neighbors.ravel()
     gaps = np.linalg.norm(points[rows] - points[cols], axis=1)
-    one_way = csr_matrix((gaps, (rows, cols)), shape=(len(points), len(points)))
+    normals = np.concatenate([s.normals for s in study.surfels])
+    same_side = (normals[rows] * normals[cols]).sum(1) > THROUGH
+    one_way = csr_matrix((gaps[same_side], (rows[same_side], cols[same_side])),
+                         shape=(len(points), len(points)))
     return one_way.maximum(one_way.T)
 
 

@@ -20,7 +20,9 @@ def row_of_surfels(gap_after: int | None = None) -> SimpleNamespace:
     if gap_after is not None:
         high[gap_after], low[gap_after + 1] = gap_after, gap_after + 1
     graph = Graph(np.stack([low, high], 1), np.ones((COUNT, 2)))
-    states = (SimpleNamespace(points=points[:20]), SimpleNamespace(points=points[20:]))
+    up = np.tile([0.0, 0.0, 1.0], (COUNT, 1))
+    states = tuple(SimpleNamespace(points=points[s], normals=up[s])
+                   for s in (slice(20), slice(20, None)))
     return SimpleNamespace(surfels=states, graph=graph)
 
 
@@ -42,6 +44,14 @@ def test_a_gap_cannot_be_crossed() -> None:
     far = _far(ends(), _surface(row_of_surfels(gap_after=9)), 100.0)
     np.testing.assert_allclose(far[:10], np.tile([0.0, FAR_COST], (10, 1)))
     np.testing.assert_allclose(far[11:], np.tile([FAR_COST, 0.0], (COUNT - 11, 1)))
+
+
+def test_a_way_does_not_lead_through_a_wall() -> None:
+    study = row_of_surfels()
+    study.surfels[1].normals[:] *= -1.0  # the other half faces away
+    far = _far(ends(), _surface(study), 100.0)
+    np.testing.assert_allclose(far[:20], np.tile([0.0, FAR_COST], (20, 1)))
+    np.testing.assert_allclose(far[20:], np.tile([FAR_COST, 0.0], (COUNT - 20, 1)))
 
 
 def test_proofs_are_clear_and_stand_amid_proofs() -> None:
