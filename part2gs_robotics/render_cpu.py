@@ -9,23 +9,54 @@ of threads.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numba
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike, DTypeLike, NDArray
 
-from part2gs_robotics import render_kernels as kernels
-from part2gs_robotics.render_bins import TILE_X, TILE_Y, bin_gaussians
-from part2gs_robotics.render_project import (
-    FOV_MARGIN,
-    GRADS,
-    PACKED,
-    Floats,
-    project,
-    project_backward,
+from part2gs_robotics.render_bins import (
+    PAIR,
+    PIECES,
+    RAMP,
+    SPANS_SIZE,
+    TILE_X,
+    TILE_Y,
+    add_up,
+    count_pairs,
+    depth_keys,
+    place_pairs,
+    set_cursors,
+    share_out,
 )
+from part2gs_robotics.render_forward import FORWARD_SIZE, forward, median_depth
+from part2gs_robotics.render_gradient import BACKWARD_SIZE, backward
+from part2gs_robotics.render_carry import CARRY_SIZE, GRADS, carry_back
+from part2gs_robotics.render_geometry import Floats
+from part2gs_robotics.render_project import FOV_MARGIN, PACKED, PROJECT_SIZE, project
+from part2gs_robotics.simd import LANES
+from part2gs_robotics.workspace import Workspace
 
 NEAR = 0.01  # scene units: in front of this z a Gaussian's Jacobian is meaningless (gsplat's value)
+TILE = TILE_Y * LANES
+
+
+@dataclass(frozen=True)
+class Pairs:
+    """Every (tile, Gaussian) pair, tile by tile and front to back within one.
+
+    Attributes:
+        tile_first: [tiles + 1] pairs of tile j are tile_first[j] to tile_first[j + 1].
+        table: [M, 4] Gaussian, place among the pairs ordered by Gaussian, first row of the tile
+            that the pair covers, and the row after the last.
+        first: [N + 1] pairs of Gaussian i have the places first[i] to first[i + 1].
+        shares: tiles cut into pieces of about equal work.
+    """
+
+    tile_first: NDArray[np.int64]
+    table: NDArray[np.int32]
+    first: NDArray[np.int64]
+    shares: NDArray[np.int64]
 
 
 @dataclass(frozen=True)
@@ -36,19 +67,14 @@ class Saved:
     quats: Floats
     scales: Floats
     opacities: Floats
-    extra: Floats
+    channels: Floats
     view: Floats
     camera: Floats
     packed: Floats
-    boxes: NDArray[np.int32]
-    tile_order: NDArray[np.int64]
-    tile_first: NDArray[np.int64]
-    ids: NDArray[np.int32]
-    first: NDArray[np.int64]
-    slots: NDArray[np.int32]
+    pairs: Pairs
     needed: NDArray[np.int32]
-    image: Floats
-    extra_image: Floats
+    workspace: Workspace
+    generation: int
 
 
 @dataclass(frozen=True)
@@ -60,8 +86,6 @@ class Rendered:
         alpha: [H, W] in [0, 1].
         depth: [H, W] sum of w_i z_i in scene units, not divided by alpha.
         extra: [H, W, C] blended extra channels, C = 0 without any.
-        median_depth: [H, W] z of the Gaussian at which the transmittance falls below 0.5; 0 where
-            alpha < 0.5. Has no gradient.
         visible: [N] whether the Gaussian's ellipse touches the image.
         saved: state for render_backward.
     """
@@ -70,7 +94,6 @@ class Rendered:
     alpha: Floats
     depth: Floats
     extra: Floats
-    median_depth: Floats
     visible: NDArray[np.bool_]
     saved: Saved
 
@@ -78,6 +101,17 @@ class Rendered:
     def num_visible(self) -> int:
         """Number of Gaussians whose ellipse touches the image."""
         return int(np.count_nonzero(self.visible))
+
+    @cached_property
+    def median_depth(self) -> Floats:
+        """[H, W] z at which the transmittance falls below 0.5, 0 where alpha < 0.5.
+
+        Has no gradient. Blended when first asked for: no fit needs it.
+        """
+        s = _standing(self.saved)
+        image = np.zeros_like(self.alpha)
+        median_depth(s.pairs.shares, s.pairs.tile_first, s.pairs.table, s.needed, s.packed, _ramp(s.workspace, image.dtype), image)
+        return image
 
 
 @dataclass(frozen=True)
@@ -108,7 +142,8 @@ class Gradients:
 
 def render(means: Floats, quats: Floats, scales: Floats, opacities: Floats, colors: Floats,
            viewmat: ArrayLike, K: ArrayLike, width: int, height: int, *,
-           extra: Floats | None = None, background: ArrayLike | None = None) -> Rendered:
+           extra: Floats | None = None, background: ArrayLike | None = None,
+           workspace: Workspace | None = None) -> Rendered:
     """Render Gaussians into one pinhole camera.
 
     Args:
@@ -123,36 +158,37 @@ def render(means: Floats, quats: Floats, scales: Floats, opacities: Floats, colo
         height: pixels.
         extra: [N, C] further channels to blend.
         background: [3] colour behind everything; black without.
+        workspace: buffers to use again. The images and gradients are then valid until the next
+            rendering with it only; nothing is allocated once they have grown.
 
     Returns:
         The images. A Gaussian with a value that is not finite is left out.
     """
     double = np.asarray(means).dtype == np.float64
     dtype: np.dtype[np.floating] = np.dtype(np.float64) if double else np.dtype(np.float32)
-    n = len(means)
+    n, work = len(means), workspace or Workspace()
+    work.generation += 1
     means, quats, scales, opacities, colors = (
         _array(a, dtype) for a in (means, quats, scales, opacities, colors))
-    extras = np.zeros((n, 0), dtype) if extra is None else _array(extra, dtype)
+    channels = np.zeros((n, 0), dtype) if extra is None else _array(extra, dtype)
     behind = np.zeros(3, dtype) if background is None else _array(background, dtype)
     view = np.ascontiguousarray(viewmat, np.float64)
     camera = _camera(np.asarray(K, np.float64), width, height)
-    packed, boxes = np.zeros((n, PACKED), dtype), np.zeros((n, 4), np.int32)
-    visible = np.zeros(n, np.bool_)
-    project(means, quats, scales, opacities, colors, extras, view, camera, width, height, packed,
-            boxes, visible)
-    tiles_x, tiles_y = -(-width // TILE_X), -(-height // TILE_Y)
-    tile_first, ids, first, slots = bin_gaussians(
-        _front_to_back(packed[:, 10]), visible, boxes, tiles_x, tiles_y)
-    tile_order = _shared_out(np.diff(tile_first))
-    image = np.zeros((height, width, 6), dtype)
-    extra_image = np.zeros((height, width, extras.shape[1]), dtype)
-    needed = np.zeros(tiles_x * tiles_y, np.int32)
-    kernels.forward(tile_order, tile_first, ids, packed, boxes, extras, behind, image, extra_image,
-                    needed)
-    saved = Saved(means, quats, scales, opacities, extras, view, camera, packed, boxes, tile_order,
-                  tile_first, ids, first, slots, needed, image, extra_image)
-    return Rendered(image[..., :3], image[..., 3], image[..., 4], extra_image, image[..., 5],
-                    visible, saved)
+    packed, boxes = work.take("packed", (n, PACKED), dtype), work.take("boxes", (n, 4), np.int32)
+    visible = work.take("visible", (n,), np.bool_)
+    project(means, quats, scales, opacities, colors, channels, view, camera, width, height,
+            _scratch(work, PROJECT_SIZE, np.float64), packed, boxes, visible)
+    pairs = _pairs(packed, boxes, visible, -(-width // TILE_X), -(-height // TILE_Y), work)
+    needed = work.take("needed", (len(pairs.tile_first) - 1,), np.int32)
+    color, extra_image = (work.take(name, (height, width, c), dtype)
+                          for name, c in (("color", 3), ("extra", channels.shape[1])))
+    alpha, depth = (work.take(name, (height, width), dtype) for name in ("alpha", "depth"))
+    forward(pairs.shares, pairs.tile_first, pairs.table, packed, channels, behind,
+            _ramp(work, dtype), _scratch(work, FORWARD_SIZE + channels.shape[1] * TILE, dtype),
+            color, alpha, depth, extra_image, needed)
+    saved = Saved(means, quats, scales, opacities, channels, view, camera, packed, pairs, needed,
+                  work, work.generation)
+    return Rendered(color, alpha, depth, extra_image, visible, saved)
 
 
 def render_backward(rendered: Rendered, d_color: Floats | None, d_alpha: Floats | None = None,
@@ -168,29 +204,85 @@ def render_backward(rendered: Rendered, d_color: Floats | None, d_alpha: Floats 
 
     Returns:
         Gradients in the dtype of the rendering; zero for Gaussians out of sight.
+
+    Raises:
+        RuntimeError: the workspace has been used for another rendering since.
     """
-    s = rendered.saved
-    dtype, n = s.image.dtype, len(s.means)
-    d_image = np.zeros((*s.image.shape[:2], 5), dtype)
-    for part, gradient in ((slice(0, 3), d_color), (3, d_alpha), (4, d_depth)):
-        if gradient is not None:
-            d_image[..., part] = gradient
-    d_channels = np.zeros_like(s.extra_image) if d_extra is None else _array(d_extra, dtype)
-    partial = np.zeros((len(s.ids), GRADS + s.extra.shape[1]), dtype)
-    kernels.backward(s.tile_order, s.tile_first, s.ids, s.needed, s.packed, s.boxes, s.extra,
-                     s.image, s.extra_image, d_image, d_channels, partial)
-    g = Gradients(np.zeros((n, 3), dtype), np.zeros((n, 4), dtype), np.zeros((n, 3), dtype),
-                  np.zeros(n, dtype), np.zeros((n, 3), dtype), np.zeros_like(s.extra),
-                  np.zeros(n, dtype), rendered.visible)
-    project_backward(s.means, s.quats, s.scales, s.opacities, s.view, s.camera, s.first, s.slots,
-                     partial, g.means, g.quats, g.scales, g.opacities, g.colors, g.extra,
-                     g.means2d_abs)
-    return g
+    s = _standing(rendered.saved)
+    dtype, n, work, width = rendered.alpha.dtype, len(s.means), s.workspace, s.channels.shape[1]
+    partial = work.take("partial", (len(s.pairs.table), GRADS + width), dtype)
+    d_images = [np.zeros((0,) * image.ndim, dtype) if gradient is None else _array(gradient, dtype)
+                for image, gradient in ((rendered.color, d_color), (rendered.alpha, d_alpha),
+                                        (rendered.depth, d_depth), (rendered.extra, d_extra))]
+    backward(s.pairs.shares, s.pairs.tile_first, s.pairs.table, s.needed, s.packed, s.channels, _ramp(work, dtype),
+             _scratch(work, BACKWARD_SIZE + width * TILE, dtype), rendered.color, rendered.alpha,
+             rendered.depth, rendered.extra, *d_images, partial)
+    shapes = {"d_means": (n, 3), "d_quats": (n, 4), "d_scales": (n, 3), "d_opacities": (n,),
+              "d_colors": (n, 3), "d_extra": (n, width), "d_screen": (n,)}
+    arrays = [work.take(name, shape, dtype) for name, shape in shapes.items()]
+    carry_back(s.means, s.quats, s.scales, s.opacities, s.view, s.camera, s.pairs.first, partial,
+               _scratch(work, CARRY_SIZE, np.float64), *arrays)
+    return Gradients(*arrays, rendered.visible)
 
 
-def _array(values: ArrayLike, dtype: np.dtype[np.floating]) -> Floats:
+def _pairs(packed: Floats, boxes: NDArray[np.int32], visible: NDArray[np.bool_], tiles_x: int,
+           tiles_y: int, work: Workspace) -> Pairs:
+    """List the Gaussians of every tile."""
+    n, threads, dtype = len(packed), numba.get_num_threads(), packed.dtype
+    order, seen = _front_to_back(packed, visible, work), int(np.count_nonzero(visible))
+    chunks = np.linspace(0, n, threads + 1).astype(np.int64)
+    spans = work.take("spans", (threads, SPANS_SIZE), dtype)
+    spans[:, RAMP:RAMP + LANES] = np.arange(LANES)
+    histogram = work.take("histogram", (threads, tiles_x * tiles_y), np.int32)
+    first = work.take("first", (n + 1,), np.int64)
+    first[0] = 0
+    count_pairs(order, seen, packed, boxes, tiles_x, chunks, spans, histogram, first)
+    add_up(first)
+    tile_first = work.take("tile_first", (tiles_x * tiles_y + 1,), np.int64)
+    set_cursors(histogram, tile_first)
+    table = work.take("pairs", (int(first[-1]), PAIR), np.int32)
+    place_pairs(order, seen, packed, boxes, tiles_x, chunks, spans, histogram, first, table)
+    shares = work.take("shares", (threads * PIECES + 1,), np.int64)
+    share_out(tile_first, shares)
+    return Pairs(tile_first, table, first, shares)
+
+
+def _front_to_back(packed: Floats, visible: NDArray[np.bool_], work: Workspace,
+                   ) -> NDArray[np.int64]:
+    """Indices by increasing depth, ties by index, those out of sight last."""
+    if packed.dtype != np.float32:
+        return np.argsort(np.where(visible, packed[:, 10], np.inf), kind="stable")
+    keys = work.take("keys", (len(packed),), np.uint64)
+    depth_keys(packed, visible, keys)
+    keys.sort()
+    np.bitwise_and(keys, np.uint64(0xFFFFFFFF), out=keys)
+    return keys.view(np.int64)
+
+
+def _standing(saved: Saved) -> Saved:
+    """Return saved state whose arrays have not been used again."""
+    if saved.generation != saved.workspace.generation:
+        raise RuntimeError(f"this rendering is number {saved.generation} of its workspace, which "
+                           f"has drawn {saved.workspace.generation}. Expected the latest; give "
+                           "renderings that live side by side a workspace each.")
+    return saved
+
+
+def _array(values: ArrayLike, dtype: DTypeLike) -> Floats:
     """Return a C-contiguous array of the dtype, the same one where it is already."""
     return np.ascontiguousarray(values, dtype=dtype)
+
+
+def _scratch(work: Workspace, size: int, dtype: DTypeLike) -> Floats:
+    """Return a row of planes for every thread."""
+    return work.take("scratch", (numba.get_num_threads(), size), dtype)
+
+
+def _ramp(work: Workspace, dtype: DTypeLike) -> Floats:
+    """Return the numbers 0 to 7."""
+    ramp = work.take("ramp", (LANES,), dtype)
+    ramp[:] = np.arange(LANES)
+    return ramp
 
 
 def _camera(K: Floats, width: int, height: int) -> Floats:
@@ -199,20 +291,3 @@ def _camera(K: Floats, width: int, height: int) -> Floats:
     mx, my = FOV_MARGIN * 0.5 * width / fx, FOV_MARGIN * 0.5 * height / fy
     return np.array([fx, fy, cx, cy, -cx / fx - mx, (width - cx) / fx + mx,
                      -cy / fy - my, (height - cy) / fy + my, NEAR])
-
-
-def _front_to_back(depth: Floats) -> NDArray[np.int64]:
-    """Indices by increasing depth, ties by index."""
-    if depth.dtype != np.float32:
-        return np.argsort(depth, kind="stable")
-    # Positive float32 sort like their bits; sorting unique integers is faster than a stable sort.
-    keys = depth.astype(np.float32).view(np.uint32).astype(np.uint64) << np.uint64(32)
-    keys |= np.arange(len(depth), dtype=np.uint64)
-    keys.sort()
-    return (keys & np.uint64(0xFFFFFFFF)).astype(np.int64)
-
-
-def _shared_out(work: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Order tiles so that equal contiguous shares of them hold about equal work."""
-    order, threads = np.argsort(-work, kind="stable"), numba.get_num_threads()
-    return np.concatenate([order[t::threads] for t in range(threads)])

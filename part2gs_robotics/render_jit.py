@@ -11,6 +11,8 @@ from typing import TypeVar, cast
 
 import numba
 
+LINE = 64  # bytes of a cache line: buffers of the kernels start at one
+
 F = TypeVar("F", bound=Callable[..., object])
 
 # contract: fused multiply-add; reassoc: vector sums; nsz: frees the selects. NaN and infinity keep

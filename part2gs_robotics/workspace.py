@@ -1,0 +1,33 @@
+"""Buffers that one caller's successive renderings share, so that none allocates memory."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import DTypeLike, NDArray
+
+from part2gs_robotics.render_jit import LINE
+
+
+class Workspace:
+    """Named buffers that grow and never shrink; what they hold is valid until they are taken again.
+
+    Attributes:
+        generation: number of renderings so far; tells whether a rendering's arrays still stand.
+    """
+
+    def __init__(self) -> None:
+        self.generation = 0
+        self._buffers: dict[str, NDArray[np.uint8]] = {}
+
+    def take(self, name: str, shape: tuple[int, ...], dtype: DTypeLike) -> NDArray[np.generic]:
+        """Return an array of a name, with whatever it held before."""
+        dtype = np.dtype(dtype)
+        size = math.prod(shape) * dtype.itemsize
+        buffer = self._buffers.get(name)
+        if buffer is None or len(buffer) < size + LINE:
+            # A quarter more than asked for: Gaussians and pairs grow a little with every step.
+            buffer = self._buffers[name] = np.empty(size + size // 4 + LINE, np.uint8)
+        start = -buffer.ctypes.data % LINE
+        return buffer[start:start + size].view(dtype).reshape(shape)
