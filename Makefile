@@ -18,10 +18,10 @@ demo: $(VENV)/.installed system
 	fi; exit $$code
 
 test: $(VENV)/.dev system
-	$(BIN)/pytest -q -m "not slow and not gpu" --durations=10
+	$(BIN)/pytest -q -m "not slow" --durations=10
 
 test-all: $(VENV)/.dev system
-	$(BIN)/pytest -q -m "not gpu" --durations=20
+	$(BIN)/pytest -q --durations=20
 
 # mypy sees the three folders as one package through a throw-away mirror of links.
 lint: $(VENV)/.dev

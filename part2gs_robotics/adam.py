@@ -5,9 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
+from numba import prange
 from numpy.typing import NDArray
 
-from part2gs_robotics.render_jit import kernel
+from part2gs_robotics.render_jit import parallel_kernel
 
 F32 = NDArray[np.float32]
 Floats = NDArray[np.floating]
@@ -65,10 +66,10 @@ class Adam:
                 moments[name] = np.concatenate([value, rows])
 
 
-@kernel
+@parallel_kernel
 def _update(value: Floats, grad: Floats, first: Floats, second: Floats, rate: float,
             root: float) -> None:
-    for i in range(value.size):
+    for i in prange(value.size):
         g = grad[i]
         m = first[i] + (1 - BETA1) * (g - first[i])
         v = second[i] + (1 - BETA2) * (g * g - second[i])

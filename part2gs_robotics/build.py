@@ -17,7 +17,8 @@ import yaml
 from part2gs_robotics import __version__
 from part2gs_robotics.articulate import Motion
 from part2gs_robotics.config import Config, to_dict
-from part2gs_robotics.errors import ConfigError, StoreError
+from part2gs_robotics.device import describe, pick_device, rendering_on
+from part2gs_robotics.errors import StoreError
 from part2gs_robotics.gaussians import Gaussians
 from part2gs_robotics.hashing import code_version, hash_of
 from part2gs_robotics.jit_cache import prepare_jit_cache
@@ -60,17 +61,22 @@ def build(path: Path, config: Config) -> int:
         code = build(Path("scene"), resolve({"preset": "draft"}))
     """
     out = output_folder(path, config.output.out)
-    _require_device(config.fit.device)
     cache_note = prepare_jit_cache()
     store = Store(out)
     store.refuse_early()
     began = time.monotonic()
     scene = read_scene(path, config.read)
+    # After the scene is found good: the first use of a GPU compiles kernels, which takes minutes.
+    device = pick_device(config.fit.device)
+    on_device = describe(config.fit.device, device)
+    # What is written down, and what stages depend on, is the device that renders, never "auto".
+    config = replace(config, fit=replace(config.fit, device=device))
     store.prepare()
     output = config.output
-    with store.locked(), logging_to(out, output.quiet, output.verbose):
-        logger.info("part2gs-robot %s, CPU renderer, seed %d: %s (%s layout) to %s", __version__,
-                    config.fit.seed, path, scene.layout, out)
+    with store.locked(), logging_to(out, output.quiet, output.verbose), rendering_on(device):
+        logger.info("part2gs-robot %s, seed %d: %s (%s layout) to %s", __version__, config.fit.seed,
+                    path, scene.layout, out)
+        logger.info("rendering on %s", on_device)
         for note in scene.notes:
             logger.info("%s", note)
         if cache_note:
@@ -90,12 +96,6 @@ def output_folder(scene: Path, wanted: str | None) -> Path:
         raise StoreError(f"{out}: lies in the scene folder {scene}. Expected a folder outside of "
                          "it, the scene is never written; choose another one with -o.")
     return out
-
-
-def _require_device(device: str) -> None:
-    if device == "cuda":
-        raise ConfigError("--device is cuda. Expected auto or cpu, this version renders on the CPU "
-                          "only; leave --device out.")
 
 
 class _Corridor:
@@ -134,8 +134,9 @@ class _Corridor:
 
     def _fit(self, index: int) -> tuple[Fitted, str]:
         state = self.scene.states[index]
-        plain = {name: value for name, value in asdict(self.config.fit).items() if name != "device"}
-        key = hash_of("fit", self.code, plain, *_state_parts(state))
+        # The device is part of the key: CPU builds repeat bit for bit, and a CPU build that went on
+        # from Gaussians of a GPU would not.
+        key = hash_of("fit", self.code, asdict(self.config.fit), *_state_parts(state))
 
         def compute() -> Fitted:
             from part2gs_robotics.fit import fit_state

@@ -60,7 +60,7 @@ class FitConfig:
     smooth_weight: float = 0.5
     """weight of jumps and bends in depth where a photo shows no edge, without depth images"""
     device: Literal["auto", "cpu", "cuda"] = "auto"
-    """where to render"""
+    """where to render; auto: on CUDA where a GPU and gsplat are ready, else on the CPU"""
     seed: int = 0
     """seed of every random choice; CPU builds repeat bit for bit"""
 

@@ -6,24 +6,19 @@ affine in the pixel, so its second difference is zero over any span.
 
 from __future__ import annotations
 
-import numba
 import numpy as np
+from numba import get_num_threads
 from numpy.typing import NDArray
 
-from part2gs_robotics.render_cpu import Rendered
-from part2gs_robotics.render_jit import kernel, parallel_kernel
+from part2gs_robotics.depth_smooth_kernels import PAD, STRIP, along_columns, along_rows
+from part2gs_robotics.rendered import Rendered
+from part2gs_robotics.workspace import Workspace
 
 Floats = NDArray[np.floating]
 
-SPANS = np.array([1, 2, 4, 8, 16])  # pixels: short ones calm noise, long ones carry the outline in
-EDGE = 0.08  # of the colour range, summed along a span: there a bend costs a third
-DEAD = 0.012  # of the colour range per pixel: three grey levels of noise are no edge
-SOFT = 0.02  # of the diagonal: beyond, a bend is more likely a real jump and pulls less
-SOLID = 0.5  # rendered alpha from which a pixel has a depth
-COVERED = 0.98  # photo's alpha from which a pixel shows the object alone
 
-
-def smooth_term(rendered: Rendered, photo: Floats, mask: Floats, diagonal: float, weight: float,
+def smooth_term(rendered: Rendered, photo: NDArray[np.generic], mask: Floats, diagonal: float,
+                weight: float, workspace: Workspace | None = None,
                 ) -> tuple[float, Floats, Floats]:
     """Return the smoothness loss and its gradients by sum w z and by alpha.
 
@@ -35,65 +30,30 @@ def smooth_term(rendered: Rendered, photo: Floats, mask: Floats, diagonal: float
 
     Args:
         rendered: with `depth` = sum w z and `alpha`.
-        photo: [H, W, 3] colours of the view, without background.
+        photo: [H, W, 3] colours of the view, without background, uint8 or in [0, 1].
         mask: [H, W] alpha of the photo.
         diagonal: of the object, scene units.
         weight: of the term.
+        workspace: buffers to use again; gradients are then valid until the next call with it.
     """
-    by_depth, by_alpha = np.zeros_like(rendered.depth), np.zeros_like(rendered.alpha)
+    work, dtype = workspace or Workspace(), rendered.depth.dtype
+    by_depth, by_alpha = (work.take(f"smooth_by_{name}", mask.shape, dtype)
+                          for name in ("depth", "alpha"))
+    by_depth[:], by_alpha[:] = 0, 0
     rows, cols = np.flatnonzero(mask.any(1)), np.flatnonzero(mask.any(0))
     if not len(rows):
         return 0.0, by_depth, by_alpha
-    box = slice(rows[0], rows[-1] + 1), slice(cols[0], cols[-1] + 1)
-    depth, alpha = rendered.depth[box], rendered.alpha[box]
-    solid = (mask[box] > COVERED) & (alpha > SOLID) & (depth > 0)
-    inverse = np.where(solid, alpha / np.where(solid, depth, 1), 0).astype(np.float64)
-    color = np.ascontiguousarray(photo[box], np.float64)
-    grad, across = np.zeros_like(inverse), np.zeros_like(inverse.T, order="C")
-    loss = _bends(inverse, color, diagonal, SPANS, grad)
-    loss += _bends(np.ascontiguousarray(inverse.T), np.ascontiguousarray(color.transpose(1, 0, 2)),
-                   diagonal, SPANS, across)
+    y0, x0, height, width = (int(v) for v in (rows[0], cols[0], np.ptp(rows) + 1, np.ptp(cols) + 1))
+    stride = -(-width // STRIP) * STRIP + 2 * PAD
+    inverse, size, grad = (work.take(f"smooth_{name}", (height, stride), dtype)
+                           for name in ("inverse", "size", "grad"))
+    scratch = work.take("smooth_scratch", (
+        get_num_threads(), 3 * max(stride, (height + 2 * PAD) * STRIP)), dtype)
+    losses = work.take("smooth_losses", (height + (stride - 2 * PAD) // STRIP,), np.float64)
+    range_of = 255.0 if photo.dtype == np.uint8 else 1.0
     scale = weight / mask.size
-    grad = scale * (grad + across.T)
-    safe = np.where(solid, depth, 1)
-    by_depth[box] = np.where(solid, -grad * alpha / safe**2, 0)
-    by_alpha[box] = np.where(solid, grad / safe, 0)
-    return scale * loss, by_depth, by_alpha
-
-
-@kernel
-def _bends_of_row(inverse: Floats, color: Floats, diagonal: float, spans: NDArray[np.int64],
-                  edges: Floats, grad: Floats) -> float:
-    """Return one row's loss, fill its gradient; `edges` holds the running total variation."""
-    width = len(inverse)
-    for j in range(1, width):
-        step = 0.0
-        for c in range(3):
-            step = max(step, abs(color[j, c] - color[j - 1, c]))
-        gap = inverse[j] == 0.0 or inverse[j - 1] == 0.0
-        edges[j] = edges[j - 1] + (1e3 if gap else max(step - DEAD, 0.0))
-    loss = 0.0
-    for s in spans:
-        for j in range(s, width - s):
-            edge = edges[j + s] - edges[j - s]
-            if inverse[j] == 0.0 or edge > 5 * EDGE:  # e^-5: counts for nothing
-                continue
-            size = 1.0 / (inverse[j] * inverse[j] * diagonal * SOFT)
-            bend = (inverse[j - s] - 2 * inverse[j] + inverse[j + s]) * size
-            weight = SOFT * np.exp(-edge / EDGE)
-            loss += weight * np.log1p(abs(bend))
-            pull = weight * np.sign(bend) / (1 + abs(bend)) * size
-            grad[j - s] += pull
-            grad[j] -= 2 * pull
-            grad[j + s] += pull
-    return loss
-
-
-@parallel_kernel
-def _bends(inverse: Floats, color: Floats, diagonal: float, spans: NDArray[np.int64],
-           grad: Floats) -> float:
-    height, width = inverse.shape
-    losses = np.zeros(height)
-    for i in numba.prange(height):
-        losses[i] = _bends_of_row(inverse[i], color[i], diagonal, spans, np.zeros(width), grad[i])
-    return losses.sum()
+    along_rows(rendered.depth, rendered.alpha, photo, mask, y0, x0, width, diagonal, range_of,
+                inverse, size, grad, scratch, losses)
+    along_columns(rendered.depth, rendered.alpha, photo, y0, x0, width, range_of, scale, inverse,
+                   size, grad, scratch, by_depth, by_alpha, losses)
+    return scale * float(losses.sum()), by_depth, by_alpha

@@ -143,7 +143,7 @@ def render_depth_maps(gaussians: Gaussians, state: StateViews) -> DepthMaps:
     Depth is the median depth where at least half of the light is stopped and the image's own mask
     agrees; masks come from the images, so background stays exactly what the photos say.
     """
-    from part2gs_robotics.render_cpu import render
+    from part2gs_robotics.render import render
 
     depths = np.zeros(state.alphas.shape, np.float32)
     arrays = (gaussians.means, gaussians.quats, gaussians.scales, gaussians.opacities,

@@ -14,8 +14,8 @@ from part2gs_robotics.config import FitConfig
 from part2gs_robotics.depth_smooth import smooth_term
 from part2gs_robotics.fit_density import Density
 from part2gs_robotics.fit_init import first_gaussians
+from part2gs_robotics.fit_photos import Views
 from part2gs_robotics.fit_step import (
-    Views,
     chain,
     depth_term,
     draw,
@@ -28,9 +28,10 @@ from part2gs_robotics.fit_step import (
 from part2gs_robotics.fit_view import held_out_psnr, with_view_dependence
 from part2gs_robotics.gaussians import Gaussians
 from part2gs_robotics.hull import Hull, carve
-from part2gs_robotics.render_cpu import Rendered, render_backward
+from part2gs_robotics.render import Rendered, render_backward
 from part2gs_robotics.scene import StateViews
 from part2gs_robotics.tones import Tones, tones_of
+from part2gs_robotics.workspace import Workspace
 
 Floats = NDArray[np.floating]
 Progress = Callable[[int, int, float], None]  # step, steps, last held-out PSNR
@@ -75,7 +76,7 @@ def fit_state(state: StateViews, init: Hull | Gaussians | None = None,
     else:
         hull = init or carve(state, resolution=config.hull_resolution)
         first = first_gaussians(hull, tones.even(state), config)
-    run = _Run(state, tones, first, hull, config, name)
+    run = FitRun(state, tones, first, hull, config, name)
     curve = [(time.perf_counter() - start, run.held_out_psnr(), len(first))]
     marks = {round(config.steps * k / 8) for k in range(1, 9)}  # eight points make a curve
     for step in range(1, config.steps + 1):
@@ -103,8 +104,8 @@ CHANGE_EVERY = 50  # steps between prune and split rounds
 CHANGE_UNTIL = 0.6  # of all steps: the rest lets the last halves settle
 
 
-class _Run:
-    """Everything that changes while one state is fitted."""
+class FitRun:
+    """Everything that changes while one state is fitted; step(k) for k from 1 on fits it."""
 
     def __init__(self, state: StateViews, tones: Tones, first: Gaussians, hull: Hull | None,
                  config: FitConfig, name: str) -> None:
@@ -120,12 +121,15 @@ class _Run:
         self.start = len(first)
         self.train = np.flatnonzero(~state.held_out)
         self.queue: list[int] = []
+        self.work = Workspace()
 
     @property
     def count(self) -> int:
+        """Number of Gaussians."""
         return len(self.params["means"])
 
     def gaussians(self) -> Gaussians:
+        """Return the fit so far, in natural tones."""
         found = gaussians_of(self.params)
         return self.tones.back(found) if self.even else found
 
@@ -138,10 +142,11 @@ class _Run:
             self.queue = self.rng.permutation(self.train).tolist()
         view, level = self.queue.pop(), int(step <= self.config.half_steps)
         background = self.rng.random(3, dtype=np.float32)
-        target, alpha, intrinsics = self.views.target(view, level, background)
+        target, alpha, intrinsics = self.views.target(view, level, background, self.work)
         rendered = draw(self.params, self.state.viewmats[view], intrinsics, alpha.shape[1],
-                        alpha.shape[0], background)
-        losses, d_color, d_alpha = image_terms(rendered, target, alpha, self.config.alpha_weight)
+                        alpha.shape[0], background, self.work)
+        losses, d_color, d_alpha = image_terms(rendered, target, alpha,
+                                               self.config.alpha_weight, self.work)
         name, loss, d_depth, more = self._depth_loss(rendered, view, level, alpha)
         if d_depth is not None:
             losses[name] = loss
@@ -178,7 +183,7 @@ class _Run:
         if depths is not None:
             return "depth", *depth_term(rendered, depths[view], self.diagonal, weight)
         photo = self.views.photo(view, level)
-        return "smooth", *smooth_term(rendered, photo, alpha, self.diagonal, weight)
+        return "smooth", *smooth_term(rendered, photo, alpha, self.diagonal, weight, self.work)
 
     def held_out_psnr(self) -> float:
         """Return the mean PSNR over the held-out views in their natural tones."""

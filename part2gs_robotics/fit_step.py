@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from part2gs_robotics.errors import FitError
 from part2gs_robotics.gaussians import SH_C0, Gaussians
 from part2gs_robotics.image_loss import photometric
-from part2gs_robotics.render_cpu import Gradients, Rendered, render, render_backward
-from part2gs_robotics.scene import StateViews
+from part2gs_robotics.render import Gradients, Rendered, render, render_backward
+from part2gs_robotics.workspace import Workspace
 
 F32 = NDArray[np.float32]
 Params = dict[str, F32]
@@ -31,50 +30,14 @@ def gaussians_of(params: Params) -> Gaussians:
                      params["sh0"].copy(), np.zeros((len(quats), 0, 3), np.float32))
 
 
-class Views:
-    """Images of one state at full and half resolution, as float32 on demand."""
-
-    def __init__(self, state: StateViews) -> None:
-        self.state = state
-        self.levels = [(state.images, state.alphas, state.Ks)]
-        small = (max(1, state.width // 2), max(1, state.height // 2))
-        # Average premultiplied colours: straight ones would mix in the undefined background.
-        alphas = np.stack([cv2.resize(a, small, interpolation=cv2.INTER_AREA)
-                           for a in state.alphas])
-        images = np.stack([_shrink(im, a, small)
-                           for im, a in zip(state.images, state.alphas, strict=True)])
-        ratio = np.array([small[0] / state.width, small[1] / state.height, 1.0])
-        self.levels.append((images, alphas, state.Ks * ratio[:, None]))
-
-    def target(self, view: int, level: int, background: F32,
-               ) -> tuple[F32, F32, NDArray[np.float64]]:
-        """Return (image over the background [H, W, 3], alpha [H, W], K) of a view."""
-        images, alphas, intrinsics = self.levels[level]
-        alpha = alphas[view].astype(np.float32) / np.float32(255)
-        image = images[view].astype(np.float32) / np.float32(255)
-        a = alpha[..., None]
-        return image * a + background * (1 - a), alpha, intrinsics[view]
-
-    def photo(self, view: int, level: int) -> F32:
-        """Return the straight colours [H, W, 3] of a view, without a background."""
-        return self.levels[level][0][view].astype(np.float32) / np.float32(255)
-
-
-def _shrink(image: NDArray[np.uint8], alpha: NDArray[np.uint8], size: tuple[int, int],
-            ) -> NDArray[np.uint8]:
-    weight = alpha.astype(np.float32)
-    part = cv2.resize(weight, size, interpolation=cv2.INTER_AREA)
-    color = cv2.resize(image * weight[..., None], size, interpolation=cv2.INTER_AREA)
-    return np.clip(color / np.maximum(part, 1e-6)[..., None] + 0.5, 0, 255).astype(np.uint8)
-
-
 def draw(params: Params, viewmat: NDArray[np.float64], intrinsics: NDArray[np.float64],
-         width: int, height: int, background: F32) -> Rendered:
+         width: int, height: int, background: F32, workspace: Workspace | None = None) -> Rendered:
     """Render optimised arrays from one camera."""
     opacities = 1 / (1 + np.exp(-params["logit_opacities"]))
     colors = np.maximum(np.float32(0.5) + np.float32(SH_C0) * params["sh0"], 0)
     return render(params["means"], params["quats"], np.exp(params["log_scales"]), opacities,
-                  colors, viewmat, intrinsics, width, height, background=background)
+                  colors, viewmat, intrinsics, width, height, background=background,
+                  workspace=workspace)
 
 
 def chain(params: Params, gradients: Gradients) -> Params:
@@ -128,17 +91,16 @@ def require_finite(values: dict[str, float | F32], name: str, step: int) -> None
 
 
 def image_terms(rendered: Rendered, target: F32, alpha: F32, alpha_weight: float,
-                ) -> tuple[dict[str, float], F32, F32]:
+                workspace: Workspace | None = None) -> tuple[dict[str, float], F32, F32]:
     """Return named losses and their gradients by colour and alpha, on the busy box only."""
+    # Outside the box image and target are the same background: their errors are zero.
     box = _busy_box(rendered.alpha, alpha)
-    share = np.float32((box[0].stop - box[0].start) * (box[1].stop - box[1].start) / alpha.size)
-    d_color, d_alpha = np.zeros_like(target), np.zeros_like(alpha)
-    # Outside the box image and target are the same background: their mean errors are zero.
-    loss, grad = photometric(np.ascontiguousarray(rendered.color[box]),
-                             np.ascontiguousarray(target[box]))
+    loss, d_color = photometric(rendered.color, target, box=box, workspace=workspace)
     mask, by_alpha = alpha_term(rendered.alpha[box], alpha[box], alpha_weight)
-    d_color[box], d_alpha[box] = grad * share, by_alpha * share
-    return {"image": loss * float(share), "mask": mask * float(share)}, d_color, d_alpha
+    share = np.float32(by_alpha.size / alpha.size)
+    d_alpha = np.zeros_like(alpha)
+    d_alpha[box] = by_alpha * share
+    return {"image": loss, "mask": mask * float(share)}, d_color, d_alpha
 
 
 def _busy_box(rendered: F32, target: F32) -> tuple[slice, slice]:
@@ -152,5 +114,5 @@ def _busy_box(rendered: F32, target: F32) -> tuple[slice, slice]:
             slice(max(0, int(cols[0]) - pad), min(busy.shape[1], int(cols[-1]) + pad + 1)))
 
 
-__all__ = ["Views", "chain", "depth_term", "draw", "gaussians_of", "image_terms", "opacity_term",
+__all__ = ["chain", "depth_term", "draw", "gaussians_of", "image_terms", "opacity_term",
            "params_of", "render_backward", "require_finite"]

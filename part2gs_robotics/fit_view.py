@@ -12,10 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from part2gs_robotics.adam import Adam
-from part2gs_robotics.fit_step import Views, image_terms
+from part2gs_robotics.fit_photos import Views
+from part2gs_robotics.fit_step import image_terms
 from part2gs_robotics.gaussians import Gaussians
 from part2gs_robotics.image_loss import psnr
-from part2gs_robotics.render_cpu import Rendered, render, render_backward
+from part2gs_robotics.render import Rendered, render, render_backward
 from part2gs_robotics.scene import StateViews
 from part2gs_robotics.sh import seen_from, sh_colors_backward
 

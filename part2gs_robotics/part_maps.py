@@ -50,7 +50,7 @@ def render_part_maps(gaussians: Gaussians, part_probs: F32, state: StateViews) -
         part_probs: [N, K+1], column 0 = base.
         state: the views; held-out ones are left out, their masks judge the result.
     """
-    from part2gs_robotics.render_cpu import render
+    from part2gs_robotics.render import render
 
     used = np.flatnonzero(~state.held_out)
     depths = np.zeros((len(used), *state.alphas.shape[1:]), np.float32)

@@ -81,8 +81,11 @@ def _fitting(scene: Scene, config: Config) -> tuple[PlanItem, ...]:
     smooth = smooth if config.fit.smooth_weight else "--smooth-weight is 0"
     views = " and ".join(f"{int((~state.held_out).sum())} + {int(state.held_out.sum())}"
                          for state in scene.states)
+    device = {"cuda": "gsplat renders on the GPU", "cpu": "the CPU renders",
+              "auto": "the device is picked when the build starts"}[config.fit.device]
     return (
         PlanItem("fit", True, f"{views} training and held-out views"),
+        PlanItem("rendering on CUDA", config.fit.device == "cuda", device),
         PlanItem("depth term", any(with_depth) and config.fit.depth_weight > 0,
                  depth if config.fit.depth_weight else "--depth-weight is 0"),
         PlanItem("hollows by stereo", not all(with_depth), "silhouettes cannot see into hollows"

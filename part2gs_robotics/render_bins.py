@@ -13,8 +13,8 @@ import numpy as np
 from numba import prange
 from numpy.typing import NDArray
 
-from part2gs_robotics.render_jit import inlined, kernel, parallel_kernel
 from part2gs_robotics.render_geometry import Floats
+from part2gs_robotics.render_jit import inlined, kernel, parallel_kernel
 from part2gs_robotics.render_project import PACKED
 from part2gs_robotics.simd import LANES, least, load, most, prefetch, root, splat, store
 
@@ -129,8 +129,7 @@ def count_pairs(order: Longs, seen: int, packed: Floats, boxes: Ints, tiles_x: i
 @parallel_kernel
 def place_pairs(order: Longs, seen: int, packed: Floats, boxes: Ints, tiles_x: int, chunks: Longs,
                 scratch: Floats, cursor: Ints, first: Longs, pairs: Ints) -> None:
-    """Write each pair's Gaussian, its place among the Gaussian's pairs, and its rows in the tile.
-    """
+    """Write each pair's Gaussian, its place among the Gaussian's pairs, and the rows it covers."""
     for chunk in prange(len(chunks) - 1):
         s = scratch[chunk]
         for n in range(chunks[chunk], min(chunks[chunk + 1], seen)):

@@ -11,7 +11,6 @@ from part2gs_robotics.render_geometry import (
     Vec,
     columns,
     covariance,
-    cross,
     dot,
     jacobian_rows,
     mix,

@@ -9,7 +9,6 @@ of threads.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
 
 import numba
 import numpy as np
@@ -29,11 +28,12 @@ from part2gs_robotics.render_bins import (
     set_cursors,
     share_out,
 )
-from part2gs_robotics.render_forward import FORWARD_SIZE, forward, median_depth
-from part2gs_robotics.render_gradient import BACKWARD_SIZE, backward
 from part2gs_robotics.render_carry import CARRY_SIZE, GRADS, carry_back
+from part2gs_robotics.render_forward import FORWARD_SIZE, forward, median_depth
 from part2gs_robotics.render_geometry import Floats
+from part2gs_robotics.render_gradient import BACKWARD_SIZE, backward
 from part2gs_robotics.render_project import FOV_MARGIN, PACKED, PROJECT_SIZE, project
+from part2gs_robotics.rendered import Gradients, Kept, Rendered
 from part2gs_robotics.simd import LANES
 from part2gs_robotics.workspace import Workspace
 
@@ -74,70 +74,17 @@ class Saved:
     pairs: Pairs
     needed: NDArray[np.int32]
     workspace: Workspace
+    gradients: Workspace | None
     generation: int
+    size: tuple[int, int]
 
-
-@dataclass(frozen=True)
-class Rendered:
-    """An image and what its gradient needs.
-
-    Attributes:
-        color: [H, W, 3], background included.
-        alpha: [H, W] in [0, 1].
-        depth: [H, W] sum of w_i z_i in scene units, not divided by alpha.
-        extra: [H, W, C] blended extra channels, C = 0 without any.
-        visible: [N] whether the Gaussian's ellipse touches the image.
-        saved: state for render_backward.
-    """
-
-    color: Floats
-    alpha: Floats
-    depth: Floats
-    extra: Floats
-    visible: NDArray[np.bool_]
-    saved: Saved
-
-    @property
-    def num_visible(self) -> int:
-        """Number of Gaussians whose ellipse touches the image."""
-        return int(np.count_nonzero(self.visible))
-
-    @cached_property
     def median_depth(self) -> Floats:
-        """[H, W] z at which the transmittance falls below 0.5, 0 where alpha < 0.5.
-
-        Has no gradient. Blended when first asked for: no fit needs it.
-        """
-        s = _standing(self.saved)
-        image = np.zeros_like(self.alpha)
-        median_depth(s.pairs.shares, s.pairs.tile_first, s.pairs.table, s.needed, s.packed, _ramp(s.workspace, image.dtype), image)
+        """Return the image [H, W] of Rendered.median_depth."""
+        _standing(self)
+        image = np.zeros(self.size, self.packed.dtype)
+        median_depth(self.pairs.shares, self.pairs.tile_first, self.pairs.table, self.needed,
+                     self.packed, _ramp(self.workspace, image.dtype), image)
         return image
-
-
-@dataclass(frozen=True)
-class Gradients:
-    """Gradients of a scalar loss with respect to the inputs of render.
-
-    Attributes:
-        means: [N, 3].
-        quats: [N, 4], orthogonal to quats (they are normalised inside).
-        scales: [N, 3].
-        opacities: [N].
-        colors: [N, 3].
-        extra: [N, C].
-        means2d_abs: [N] norm of the gradient with respect to the projected centre, per pixel.
-            Times max(W, H) / 2 it compares with 3DGS's densification threshold 0.0002.
-        visible: [N] whether the Gaussian's ellipse touches the image.
-    """
-
-    means: Floats
-    quats: Floats
-    scales: Floats
-    opacities: Floats
-    colors: Floats
-    extra: Floats
-    means2d_abs: Floats
-    visible: NDArray[np.bool_]
 
 
 def render(means: Floats, quats: Floats, scales: Floats, opacities: Floats, colors: Floats,
@@ -187,7 +134,7 @@ def render(means: Floats, quats: Floats, scales: Floats, opacities: Floats, colo
             _ramp(work, dtype), _scratch(work, FORWARD_SIZE + channels.shape[1] * TILE, dtype),
             color, alpha, depth, extra_image, needed)
     saved = Saved(means, quats, scales, opacities, channels, view, camera, packed, pairs, needed,
-                  work, work.generation)
+                  work, workspace, work.generation, (height, width))
     return Rendered(color, alpha, depth, extra_image, visible, saved)
 
 
@@ -207,22 +154,30 @@ def render_backward(rendered: Rendered, d_color: Floats | None, d_alpha: Floats 
 
     Raises:
         RuntimeError: the workspace has been used for another rendering since.
+        TypeError: another device drew it.
     """
     s = _standing(rendered.saved)
     dtype, n, work, width = rendered.alpha.dtype, len(s.means), s.workspace, s.channels.shape[1]
     partial = work.take("partial", (len(s.pairs.table), GRADS + width), dtype)
-    d_images = [np.zeros((0,) * image.ndim, dtype) if gradient is None else _array(gradient, dtype)
-                for image, gradient in ((rendered.color, d_color), (rendered.alpha, d_alpha),
-                                        (rendered.depth, d_depth), (rendered.extra, d_extra))]
-    backward(s.pairs.shares, s.pairs.tile_first, s.pairs.table, s.needed, s.packed, s.channels, _ramp(work, dtype),
-             _scratch(work, BACKWARD_SIZE + width * TILE, dtype), rendered.color, rendered.alpha,
-             rendered.depth, rendered.extra, *d_images, partial)
-    shapes = {"d_means": (n, 3), "d_quats": (n, 4), "d_scales": (n, 3), "d_opacities": (n,),
-              "d_colors": (n, 3), "d_extra": (n, width), "d_screen": (n,)}
-    arrays = [work.take(name, shape, dtype) for name, shape in shapes.items()]
+    d_color, d_alpha, d_depth, d_extra = (
+        np.zeros((0,) * image.ndim, dtype) if gradient is None else _array(gradient, dtype)
+        for image, gradient in ((rendered.color, d_color), (rendered.alpha, d_alpha),
+                                (rendered.depth, d_depth), (rendered.extra, d_extra)))
+    backward(s.pairs.shares, s.pairs.tile_first, s.pairs.table, s.needed, s.packed, s.channels,
+             _ramp(work, dtype), _scratch(work, BACKWARD_SIZE + width * TILE, dtype),
+             rendered.color, rendered.alpha, rendered.depth, rendered.extra, d_color, d_alpha,
+             d_depth, d_extra, partial)
+    out = s.gradients or Workspace()
+    g = Gradients(
+        means=out.take("d_means", (n, 3), dtype), quats=out.take("d_quats", (n, 4), dtype),
+        scales=out.take("d_scales", (n, 3), dtype), colors=out.take("d_colors", (n, 3), dtype),
+        opacities=out.take("d_opacities", (n,), dtype),
+        extra=out.take("d_extra", (n, width), dtype),
+        means2d_abs=out.take("d_screen", (n,), dtype), visible=rendered.visible)
     carry_back(s.means, s.quats, s.scales, s.opacities, s.view, s.camera, s.pairs.first, partial,
-               _scratch(work, CARRY_SIZE, np.float64), *arrays)
-    return Gradients(*arrays, rendered.visible)
+               _scratch(work, CARRY_SIZE, np.float64), g.means, g.quats, g.scales, g.opacities,
+               g.colors, g.extra, g.means2d_abs)
+    return g
 
 
 def _pairs(packed: Floats, boxes: NDArray[np.int32], visible: NDArray[np.bool_], tiles_x: int,
@@ -259,8 +214,11 @@ def _front_to_back(packed: Floats, visible: NDArray[np.bool_], work: Workspace,
     return keys.view(np.int64)
 
 
-def _standing(saved: Saved) -> Saved:
-    """Return saved state whose arrays have not been used again."""
+def _standing(saved: Kept) -> Saved:
+    """Return our saved state, if its arrays have not been used again."""
+    if not isinstance(saved, Saved):
+        raise TypeError(f"this rendering holds {type(saved).__name__}. Expected one of the CPU; "
+                        "go back through render.render_backward, which asks the right device.")
     if saved.generation != saved.workspace.generation:
         raise RuntimeError(f"this rendering is number {saved.generation} of its workspace, which "
                            f"has drawn {saved.workspace.generation}. Expected the latest; give "

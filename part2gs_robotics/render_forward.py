@@ -10,18 +10,16 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import get_thread_id, prange, types
-from numba.extending import overload
-from numpy.typing import NDArray
+from numba import get_thread_id, prange
 
+from part2gs_robotics.fast_math import power8
 from part2gs_robotics.render_bins import TILE_X, TILE_Y, Ints, Longs, dealt
-from part2gs_robotics.render_jit import inlined, kernel, parallel_kernel
 from part2gs_robotics.render_geometry import Floats
+from part2gs_robotics.render_jit import inlined, kernel, parallel_kernel
 from part2gs_robotics.render_project import ALPHA_MAX, ALPHA_MIN, EXP_SCALE, PACKED
 from part2gs_robotics.simd import (
     LANES,
     Lane,
-    exponential,
     largest,
     least,
     load,
@@ -44,36 +42,14 @@ RED, GREEN, BLUE, DEPTH, WEIGHT = (np.uint64(n * LANES) for n in range(1, 6))
 FORWARD_SIZE = int(STRIDE) * TILE_Y
 
 
-def power8(t: Lane) -> Lane:
-    """Return exp(8 t) for t in [T_MIN, 0], in every lane; anything outside."""
-    raise NotImplementedError  # exists in compiled code only
-
-
-@overload(power8, strict=False)
-def _power8(t: Lane) -> object:
-    """Pick the exponential of a type: exact in float64, 5 multiply-adds and 3 squarings else."""
-    if t.scalar == types.float64:
-        return lambda t: exponential(t * 8.0)
-    # Minimax fit of exp(t) on [-ln(255) / 8, 0]: relative error of exp(8 t) below 2e-6 in float32.
-    c0, c1, c2, c3, c4, c5 = (np.float32(c) for c in (
-        0.99999993, 0.99999289, 0.49988697, 0.16599301, 0.03980619, 0.00586747))
-
-    def fast(t: Lane) -> Lane:
-        p = c0 + t * (c1 + t * (c2 + t * (c3 + t * (c4 + t * c5))))
-        p = p * p
-        p = p * p
-        return p * p
-
-    return fast
-
-
 @inlined
 def _blend(s: Floats, g: Floats, i: int, dx: Lane, dy: Lane, first: np.uint64, last: np.uint64,
            ) -> None:
     """Blend Gaussian i into rows of a tile; (dx, dy) leads from its centre to the first of them."""
     f = s.dtype.type
     one, zero, t_min, stop = f(1), splat(f(0)), splat(f(T_MIN)), splat(f(STOP))
-    flat, slope, bend, top = dx * dx * g[i, 2] + g[i, 5], dx * g[i, 3], splat(g[i, 4]), splat(g[i, 6])
+    flat, slope = dx * dx * g[i, 2] + g[i, 5], dx * g[i, 3]
+    bend, top = splat(g[i, 4]), splat(g[i, 6])
     red, green, blue, z = splat(g[i, 7]), splat(g[i, 8]), splat(g[i, 9]), splat(g[i, 10])
     for k in range(first * STRIDE, last * STRIDE, STRIDE):
         t = least(flat + dy * (slope + dy * bend), top)
@@ -170,7 +146,8 @@ def _find_median(s: Floats, g: Floats, i: int, dx: Lane, dy: Lane, first: np.uin
     """Blend as _blend does; note z of the one Gaussian that takes a pixel below one half."""
     f = s.dtype.type
     one, zero, t_min, half = f(1), splat(f(0)), splat(f(T_MIN)), splat(f(0.5))
-    flat, slope, bend, top = dx * dx * g[i, 2] + g[i, 5], dx * g[i, 3], splat(g[i, 4]), splat(g[i, 6])
+    flat, slope = dx * dx * g[i, 2] + g[i, 5], dx * g[i, 3]
+    bend, top = splat(g[i, 4]), splat(g[i, 6])
     z = splat(g[i, 10])
     for k in range(first * STRIDE, last * STRIDE, STRIDE):
         t = least(flat + dy * (slope + dy * bend), top)

@@ -22,26 +22,31 @@ LOW_PASS = 0.3  # pixels^2 added to the 2-D covariance (3DGS)
 
 @inlined
 def dot(a: Vec, b: Vec) -> Lane:
+    """Return the inner product."""
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
 @inlined
 def cross(a: Vec, b: Vec) -> Vec:
+    """Return the vector product."""
     return (a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])
 
 
 @inlined
 def mul(a: Vec, b: Vec) -> Vec:
+    """Return the products of the components."""
     return (a[0] * b[0], a[1] * b[1], a[2] * b[2])
 
 
 @inlined
 def mix(s: Lane, a: Vec, t: Lane, b: Vec) -> Vec:
+    """Return s a + t b."""
     return (s * a[0] + t * b[0], s * a[1] + t * b[1], s * a[2] + t * b[2])
 
 
 @inlined
 def view_row(view: Floats, i: int) -> tuple[float, float, float]:
+    """Return a row of the rotation of camera_from_world."""
     return (view[i, 0], view[i, 1], view[i, 2])
 
 
@@ -77,11 +82,13 @@ def columns(w: Lane, x: Lane, y: Lane, z: Lane) -> tuple[Vec, Vec, Vec]:
 
 @inlined
 def clamp(value: Lane, low: float, high: float) -> Lane:
+    """Return the nearest value in [low, high]."""
     return most(least(value, splat(high)), splat(low))
 
 
 @inlined
 def to_camera(view: Floats, p: Vec) -> Vec:
+    """Return world points in the frame of the camera."""
     return (dot(p, view_row(view, 0)) + view[0, 3], dot(p, view_row(view, 1)) + view[1, 3],
             dot(p, view_row(view, 2)) + view[2, 3])
 
@@ -108,4 +115,5 @@ def covariance(m0: Vec, m1: Vec) -> tuple[Lane, Lane, Lane, Lane]:
 
 @inlined
 def put(s: Floats, column: int, value: Lane) -> None:
+    """Write eight numbers to a column of a block's results."""
     store(s, np.uint64(column * LANES), value)

@@ -9,12 +9,25 @@ from __future__ import annotations
 import numpy as np
 from numba import get_thread_id, prange
 
+from part2gs_robotics.fast_math import power8
 from part2gs_robotics.render_bins import TILE_X, TILE_Y, Ints, Longs, dealt
-from part2gs_robotics.render_forward import AHEAD, STOP, T_MAX, T_MIN, power8
-from part2gs_robotics.render_jit import inlined, kernel, parallel_kernel
+from part2gs_robotics.render_forward import AHEAD, STOP, T_MAX, T_MIN
 from part2gs_robotics.render_geometry import Floats
+from part2gs_robotics.render_jit import inlined, kernel, parallel_kernel
 from part2gs_robotics.render_project import PACKED
-from part2gs_robotics.simd import LANES, Lane, least, load, prefetch, prefetch_to_write, splat, store, total, totals, where_ge
+from part2gs_robotics.simd import (
+    LANES,
+    Lane,
+    least,
+    load,
+    prefetch,
+    prefetch_to_write,
+    splat,
+    store,
+    total,
+    totals,
+    where_ge,
+)
 
 # Planes of a row: transmittance, S, gradients by r, g, b, z and the rest of G, weight, plain rest.
 STRIDE = np.uint64(9 * LANES)
@@ -29,7 +42,8 @@ def _gradient(s: Floats, g: Floats, i: int, dx: Lane, dy: Lane, first: np.uint64
     f = s.dtype.type
     one, t_min, t_max, stop = f(1), splat(f(T_MIN)), splat(f(T_MAX)), splat(f(STOP))
     zero = splat(f(0))
-    flat, slope, bend, top = dx * dx * g[i, 2] + g[i, 5], dx * g[i, 3], splat(g[i, 4]), splat(g[i, 6])
+    flat, slope = dx * dx * g[i, 2] + g[i, 5], dx * g[i, 3]
+    bend, top = splat(g[i, 4]), splat(g[i, 6])
     red, green, blue, z = splat(g[i, 7]), splat(g[i, 8]), splat(g[i, 9]), splat(g[i, 10])
     v0 = v1 = v2 = c0 = c1 = c2 = c3 = zero
     for k in range(first * STRIDE, last * STRIDE, STRIDE):
@@ -105,9 +119,10 @@ def _load_tile(s: Floats, channels: Floats, px: int, py: int, color: Floats, alp
         for x in range(px, min(px + TILE_X, width)):
             k = (y - py) * int(STRIDE) + x - px
             to_come = s.dtype.type(0)
-            for c in range(3):
-                s[k + (2 + c) * LANES] = d_color[y, x, c]
-                to_come += d_color[y, x, c] * color[y, x, c]
+            if d_color.size > 0:
+                for c in range(3):
+                    s[k + (2 + c) * LANES] = d_color[y, x, c]
+                    to_come += d_color[y, x, c] * color[y, x, c]
             if d_depth.size > 0:
                 s[k + 5 * LANES] = d_depth[y, x]
                 to_come += d_depth[y, x] * depth[y, x]

@@ -19,10 +19,11 @@ from numba.extending import intrinsic, models, overload, register_model
 LANES = 8  # float32 numbers in an AVX register
 FLAGS = ("contract", "nsz")  # fused multiply-add; no reordering, NaN and infinity stay as they are
 
+_INTS = ir.VectorType(ir.IntType(32), LANES)
 Lane = Any  # a Lanes value in annotations: Numba types it, Python never sees one
 
 
-class Lanes(types.Type):  # type: ignore[misc]  # numba is untyped
+class Lanes(types.Type):
     """Numba type of eight numbers of one float type."""
 
     def __init__(self, scalar: types.Float) -> None:
@@ -31,7 +32,7 @@ class Lanes(types.Type):  # type: ignore[misc]  # numba is untyped
 
 
 @register_model(Lanes)
-class _LanesModel(models.PrimitiveModel):  # type: ignore[misc]
+class _LanesModel(models.PrimitiveModel):
     def __init__(self, manager: Any, kind: Lanes) -> None:
         super().__init__(manager, kind, _vector(kind))
 
@@ -200,6 +201,29 @@ def _halves(builder: Any, value: Any, join: Callable[[Any, Any], Any]) -> Any:
 
 
 @intrinsic
+def exponent(_: Any, a: Any) -> Any:
+    """Return e of m 2^e with m in [1, 2), for positive normal float32."""
+    def emit(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        bits = builder.lshr(builder.bitcast(args[0], _INTS), ir.Constant(_INTS, [23] * LANES))
+        whole = builder.sub(bits, ir.Constant(_INTS, [127] * LANES))
+        return builder.sitofp(whole, _vector(a))
+
+    return a(a), emit
+
+
+@intrinsic
+def mantissa(_: Any, a: Any) -> Any:
+    """Return m of m 2^e with m in [1, 2), for positive normal float32."""
+    def emit(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        bits = builder.and_(builder.bitcast(args[0], _INTS),
+                            ir.Constant(_INTS, [(1 << 23) - 1] * LANES))
+        return builder.bitcast(builder.or_(bits, ir.Constant(_INTS, [127 << 23] * LANES)),
+                               _vector(a))
+
+    return a(a), emit
+
+
+@intrinsic
 def total(_: Any, a: Any) -> Any:
     """Return the sum of all lanes, added in a fixed order."""
     def emit(context: Any, builder: Any, signature: Any, args: Any) -> Any:
@@ -214,7 +238,7 @@ def totals(_: Any, a: Any, b: Any, c: Any, d: Any, e: Any, f: Any, g: Any, h: An
     def emit(context: Any, builder: Any, signature: Any, args: Any) -> Any:
         vectors, size = list(args), 1
         while len(vectors) > 1:
-            vectors = [_blocks(builder, *vectors[j:j + 2], size)
+            vectors = [_blocks(builder, vectors[j], vectors[j + 1], size)
                        for j in range(0, len(vectors), 2)]
             size *= 2
         return vectors[0]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
@@ -21,13 +22,13 @@ class Workspace:
         self.generation = 0
         self._buffers: dict[str, NDArray[np.uint8]] = {}
 
-    def take(self, name: str, shape: tuple[int, ...], dtype: DTypeLike) -> NDArray[np.generic]:
+    def take(self, name: str, shape: tuple[int, ...], dtype: DTypeLike) -> NDArray[Any]:
         """Return an array of a name, with whatever it held before."""
         dtype = np.dtype(dtype)
         size = math.prod(shape) * dtype.itemsize
         buffer = self._buffers.get(name)
         if buffer is None or len(buffer) < size + LINE:
             # A quarter more than asked for: Gaussians and pairs grow a little with every step.
-            buffer = self._buffers[name] = np.empty(size + size // 4 + LINE, np.uint8)
+            buffer = self._buffers[name] = np.zeros(size + size // 4 + LINE, np.uint8)
         start = -buffer.ctypes.data % LINE
         return buffer[start:start + size].view(dtype).reshape(shape)

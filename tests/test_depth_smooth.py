@@ -7,7 +7,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from part2gs_robotics.depth_smooth import DEAD, EDGE, SOFT, SPANS, smooth_term
+from part2gs_robotics.depth_smooth import smooth_term
+from part2gs_robotics.depth_smooth_kernels import DEAD, EDGE, SOFT, SPANS
 
 SIDE, DIAGONAL = 24, 1.7
 

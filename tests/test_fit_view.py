@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from part2gs_robotics.fit_step import Views
+from part2gs_robotics.fit_photos import Views
 from part2gs_robotics.fit_view import GAIN, drawn_over, held_out_psnr, with_view_dependence
 
 SIDE, COUNT = 48, 20
