@@ -1,85 +1,126 @@
-"""Time the CPU rasteriser, forward and backward; prints a table and, with a path, writes JSON.
+"""Time the CPU rasteriser against a plain one in the same run, and draw how it grows.
 
-Run: python benchmarks/raster.py [OUT.json]   (about 15 s; NUMBA_NUM_THREADS sets the threads)
+    python benchmarks/raster.py --quick --json FILE    # the four cases, under a minute
+    python benchmarks/raster.py [--kit PATH]           # everything; writes the docs' figure too
+
+The full run adds one and two threads, growth in Gaussians, pixels and views, and held-out PSNR over
+seconds of three fits with either kernel: objects of an external kit, or scenes made here.
 """
 
 from __future__ import annotations
 
-import datetime
+import argparse
 import json
-import platform
 import sys
-import time
+import tempfile
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
+import cv2
 import numba
-import numpy as np
-
-from part2gs_robotics.render_cpu import render, render_backward
+from raster_case import measure, with_shares
+from raster_curves import growth
+from raster_figure import draw
+from raster_fits import OBJECTS, fits, made_scenes, shot_scenes
+from raster_machine import ROOT, commit, machine
 
 CASES = ((10_000, 256), (30_000, 256), (30_000, 400), (100_000, 800))  # Gaussians, image side
-REPEATS = 9
-DISTANCE = 2.0  # of the camera from a box of about 1 unit: it fills half of the image's width
+QUICK_RUNS, RUNS = 7, 15
+RESULTS, FIGURE = ROOT / "benchmarks/results/raster.json", ROOT / "docs/raster.png"
 
 
-def box_surface(count: int) -> tuple[np.ndarray, ...]:
-    """Return means, quats, scales, opacities, colors of flat Gaussians on a box."""
-    rng = np.random.default_rng(0)
-    means = rng.uniform(-1, 1, (count, 3))
-    face = rng.integers(0, 3, count)
-    means[np.arange(count), face] = np.sign(means[np.arange(count), face])
-    # Neighbours on the surface are 1 / sqrt(count) apart; a fitted scene overlaps about this much.
-    scales = np.exp(rng.normal(np.log(1.6 / np.sqrt(count)), 0.4, (count, 3))) * [0.3, 1, 1]
-    arrays = (means * [0.5, 0.35, 0.4], rng.normal(size=(count, 4)), scales,
-              rng.uniform(0.2, 1, count), rng.uniform(0, 1, (count, 3)))
-    return tuple(a.astype(np.float32) for a in arrays)
+def main(words: Sequence[str] | None = None, cases: Sequence[tuple[int, int]] = CASES) -> int:
+    """Measure, print the table, write JSON and, in the full run, the figure."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--quick", action="store_true", help="only the four cases")
+    parser.add_argument("--json", type=Path, help=f"default of the full run: {RESULTS}")
+    parser.add_argument("--runs", type=int, help="repetitions behind each median")
+    parser.add_argument("--figure", type=Path, default=FIGURE)
+    parser.add_argument("--kit", type=Path, help="folder of the benchmark kit")
+    parser.add_argument("--objects", nargs="+", default=list(OBJECTS), help="of the kit")
+    parser.add_argument("--steps", type=int, default=800, help="of each fit")
+    args = parser.parse_args(words)
+    result = report(cases, args.runs or (QUICK_RUNS if args.quick else RUNS))
+    sys.stdout.write(table(result))
+    if not args.quick:
+        result |= full(args, result, cases)
+        draw(result, args.figure)
+    path = args.json or (None if args.quick else RESULTS)
+    if path:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(json.dumps(rounded(result), indent=1) + "\n")
+    return 0
 
 
-def camera(side: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return viewmat and K of a camera that looks down at a corner of the box."""
-    a, b = 0.5, 0.4
-    yaw = np.array([[np.cos(a), 0, np.sin(a)], [0, 1, 0], [-np.sin(a), 0, np.cos(a)]])
-    pitch = np.array([[1, 0, 0], [0, np.cos(b), -np.sin(b)], [0, np.sin(b), np.cos(b)]])
-    viewmat = np.eye(4)
-    viewmat[:3, :3], viewmat[2, 3] = pitch @ yaw, DISTANCE
-    return viewmat, np.array([[1.2 * side, 0, side / 2], [0, 1.2 * side, side / 2], [0, 0, 1]])
+def report(cases: Sequence[tuple[int, int]], runs: int) -> dict[str, Any]:
+    """Measure the cases with numba's present threads; shares are of the best peak of the run."""
+    rows = [measure(count, side, runs) for count, side in cases]
+    peak = max(row.pop("peak_gflops") for row in rows)
+    return {"cases": [with_shares(row, peak) for row in rows], "threads": numba.get_num_threads(),
+            "machine": machine(), "commit": commit(), "fma_peak_gflops": peak}
 
 
-def measure(count: int, side: int) -> dict[str, float]:
-    """Return median and best milliseconds of one case; the first run compiles and is left out."""
-    gaussians, (viewmat, K) = box_surface(count), camera(side)
-    d_color = np.random.default_rng(1).normal(size=(side, side, 3)).astype(np.float32)
-    times = []
-    for _ in range(REPEATS + 1):
-        start = time.perf_counter()
-        rendered = render(*gaussians, viewmat, K, side, side)
-        middle = time.perf_counter()
-        render_backward(rendered, d_color)
-        times.append((1e3 * (middle - start), 1e3 * (time.perf_counter() - middle)))
-    forward, backward = np.array(times[1:]).T
-    return {"gaussians": count, "side": side, "intersections": len(rendered.saved.ids),
-            "forward_ms": float(np.median(forward)), "forward_best_ms": float(forward.min()),
-            "backward_ms": float(np.median(backward)), "backward_best_ms": float(backward.min())}
+def full(args: argparse.Namespace, result: dict[str, Any], cases: Sequence[tuple[int, int]],
+         ) -> dict[str, Any]:
+    """Return threads, growth and fits."""
+    by_threads = {}
+    for threads in (1, 2):
+        if threads == result["threads"]:
+            by_threads[str(threads)] = {key: result[key] for key in ("cases", "fma_peak_gflops")}
+        elif threads < result["threads"]:
+            with on_threads(threads):
+                found = report(cases, args.runs or RUNS)
+            by_threads[str(threads)] = {key: found[key] for key in ("cases", "fma_peak_gflops")}
+    curves = growth(args.runs or RUNS)
+    with tempfile.TemporaryDirectory() as folder:
+        scenes = (shot_scenes(args.kit, args.objects, Path(folder)) if args.kit
+                  else made_scenes(Path(folder)))
+        return {"by_threads": by_threads, "growth": curves, "fits": fits(scenes, args.steps)}
 
 
-def main() -> None:
-    """Write one table row per case, then the JSON file if one is named."""
-    sys.stdout.write("| Gaussians | side | tile pairs | forward ms (best) | backward ms (best) |\n")
-    sys.stdout.write("|--:|--:|--:|--:|--:|\n")
-    rows = []
-    for case in CASES:
-        row = measure(*case)
-        rows.append(row)
-        sys.stdout.write(
-            f"| {row['gaussians']:,} | {row['side']} | {row['intersections']:,} "
-            f"| {row['forward_ms']:.1f} ({row['forward_best_ms']:.1f}) "
-            f"| {row['backward_ms']:.1f} ({row['backward_best_ms']:.1f}) |\n")
-    if len(sys.argv) > 1:
-        result = {"machine": platform.processor() or platform.machine(),
-                  "threads": numba.get_num_threads(), "numba": numba.__version__,
-                  "date": datetime.date.today().isoformat(), "cases": rows}
-        Path(sys.argv[1]).write_text(json.dumps(result, indent=1) + "\n")
+@contextmanager
+def on_threads(count: int) -> Iterator[None]:
+    """Use some threads in numba and in OpenCV, whose blurs are part of an iteration."""
+    before = numba.get_num_threads(), cv2.getNumThreads()
+    numba.set_num_threads(count)
+    cv2.setNumThreads(count)
+    try:
+        yield
+    finally:
+        numba.set_num_threads(before[0])
+        cv2.setNumThreads(before[1])
+
+
+def table(result: dict[str, Any]) -> str:
+    """Return the cases as a Markdown table: medians, quartiles in brackets."""
+    lines = ["| Gaussians | side | forward ms | backward ms | both ms | plain kernel ms | ratio "
+             "| iteration ms | share of peak (useful) | GB/s |", "|--:" * 10 + "|"]
+    for row in result["cases"]:
+        times = [_cell(row["spread"][f"{name}_ms"])
+                 for name in ("forward", "backward", "total", "naive_total")]
+        share = f"{100 * row['peak_share']:.1f} % ({100 * row['peak_share_useful']:.1f} %)"
+        cells = [f"{row['gaussians']:,}", str(row["size"]), *times, f"{row['speedup']:.2f}",
+                 _cell(row["spread"]["iteration_ms"]), share, f"{row['gb_per_s']:.1f}"]
+        lines.append("| " + " | ".join(cells) + " |")
+    lines += ["", f"{result['machine']}, {result['threads']} threads, measured peak "
+              f"{result['fma_peak_gflops']:.0f} GFLOP/s, commit {result['commit']}"]
+    return "\n".join(lines) + "\n"
+
+
+def _cell(spread: dict[str, float]) -> str:
+    return f"{spread['median']:.1f} ({spread['q1']:.1f}–{spread['q3']:.1f})"
+
+
+def rounded(value: Any) -> Any:
+    """Return nested results with floats of five digits: more is noise."""
+    if isinstance(value, dict):
+        return {key: rounded(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [rounded(item) for item in value]
+    return float(f"{value:.5g}") if isinstance(value, float) else value
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

@@ -1,0 +1,72 @@
+"""What benchmarks/raster.py draws: a box of flat Gaussians, cameras around it, photos of it."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from part2gs_robotics.gaussians import SH_C0, Gaussians
+from part2gs_robotics.render_cpu import render
+from part2gs_robotics.scene import StateViews
+from part2gs_robotics.synth_photos import viewmats_around
+
+F32 = NDArray[np.float32]
+F64 = NDArray[np.float64]
+Cloud = tuple[F32, F32, F32, F32, F32]  # means, quats, scales, opacities, colors
+
+DISTANCE = 2.0  # of the camera from a box of about 1 unit: it fills half of the image's width
+FOCAL = 1.2  # image sides
+PHOTOS = 4  # views of the timed training iteration; one is drawn per step
+
+
+def box_surface(count: int) -> Cloud:
+    """Return means, quats, scales, opacities, colors of flat Gaussians on a box."""
+    rng = np.random.default_rng(0)
+    means = rng.uniform(-1, 1, (count, 3))
+    face = rng.integers(0, 3, count)
+    means[np.arange(count), face] = np.sign(means[np.arange(count), face])
+    # Neighbours on the surface are 1 / sqrt(count) apart; a fitted scene overlaps about this much.
+    scales = np.exp(rng.normal(np.log(1.6 / np.sqrt(count)), 0.4, (count, 3))) * [0.3, 1, 1]
+    arrays = (means * [0.5, 0.35, 0.4], rng.normal(size=(count, 4)), scales,
+              rng.uniform(0.2, 1, count), rng.uniform(0, 1, (count, 3)))
+    means, quats, scales, opacities, colors = (a.astype(np.float32) for a in arrays)
+    return means, quats, scales, opacities, colors
+
+
+def intrinsics(side: int) -> F64:
+    """Return K of a square image."""
+    return np.array([[FOCAL * side, 0, side / 2], [0, FOCAL * side, side / 2], [0, 0, 1]])
+
+
+def corner_view() -> F64:
+    """Return camera_from_world of a camera that looks down at a corner of the box."""
+    a, b = 0.5, 0.4
+    yaw = np.array([[np.cos(a), 0, np.sin(a)], [0, 1, 0], [-np.sin(a), 0, np.cos(a)]])
+    pitch = np.array([[1, 0, 0], [0, np.cos(b), -np.sin(b)], [0, np.sin(b), np.cos(b)]])
+    viewmat = np.eye(4)
+    viewmat[:3, :3], viewmat[2, 3] = pitch @ yaw, DISTANCE
+    return viewmat
+
+
+def gaussians_of(cloud: Cloud, seed: int = 0) -> Gaussians:
+    """Return a cloud as a fit starts from it: opacities within reach, colours a little wrong."""
+    means, quats, scales, opacities, colors = cloud
+    rng = np.random.default_rng(seed)
+    solid = np.clip(opacities, 0.01, 0.99)  # logits stay finite
+    wrong = colors + rng.normal(0, 0.1, colors.shape)
+    return Gaussians(means, quats, np.log(scales), np.log(solid / (1 - solid)),
+                     ((wrong - 0.5) / SH_C0).astype(np.float32),
+                     np.zeros((len(means), 0, 3), np.float32))
+
+
+def photos(cloud: Cloud, side: int, count: int = PHOTOS) -> StateViews:
+    """Return photos of a cloud from all around, straight colours with alpha."""
+    viewmats = viewmats_around(count, DISTANCE)
+    images = np.zeros((count, side, side, 3), np.uint8)
+    alphas = np.zeros((count, side, side), np.uint8)
+    for image, alpha, viewmat in zip(images, alphas, viewmats, strict=True):
+        drawn = render(*cloud, viewmat, intrinsics(side), side, side)
+        straight = drawn.color / np.maximum(drawn.alpha, 1e-3)[..., None]  # 1e-3: below one level
+        image[:], alpha[:] = np.rint(255 * np.clip(straight, 0, 1)), np.rint(255 * drawn.alpha)
+    return StateViews(images, alphas, np.repeat(intrinsics(side)[None], count, 0), viewmats, None,
+                      tuple(f"{k:04d}.png" for k in range(count)), np.zeros(count, np.bool_))
