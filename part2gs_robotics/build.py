@@ -21,7 +21,7 @@ from part2gs_robotics.device import describe, pick_device, rendering_on
 from part2gs_robotics.errors import StoreError
 from part2gs_robotics.gaussians import Gaussians
 from part2gs_robotics.hashing import code_version, hash_of
-from part2gs_robotics.jit_cache import prepare_jit_cache
+from part2gs_robotics.jit_cache import compile_seconds, kept_in, prepare_jit_cache
 from part2gs_robotics.log import Progress, log_stage, logging_to
 from part2gs_robotics.outputs import write_outputs
 from part2gs_robotics.plan import Plan, make_plan
@@ -40,6 +40,7 @@ from part2gs_robotics.store import Saved, Store
 from part2gs_robotics.twin import Part, Twin
 
 T = TypeVar("T")
+COMPILE_WORTH_A_WORD = 0.5  # seconds: less is a kernel or two that this scene alone needs
 logger = logging.getLogger(__name__)
 
 
@@ -202,8 +203,12 @@ class _Corridor:
 
     def _stage(self, name: str, key: str, compute: Callable[[], T], save: Callable[[T], Saved],
                load: Callable[[Saved], T], number: Callable[[T], str]) -> T:
-        began = time.monotonic()
+        began, compiled = time.monotonic(), compile_seconds()
         result = self.store.stage(name, key, compute, save, load)
+        compiled = compile_seconds() - compiled
+        if compiled > COMPILE_WORTH_A_WORD:
+            logger.info("%s: %.1f s of it compiled kernels for this machine, kept in %s",
+                        name[3:], compiled, kept_in())
         self._done(name[3:], time.monotonic() - began, number(result),
                    name in self.store.resumed)
         return result

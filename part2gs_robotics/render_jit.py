@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TypeVar, cast
 
 import numba
+from numba.core import event
 
 LINE = 64  # bytes of a cache line: buffers of the kernels start at one
 
@@ -74,3 +75,5 @@ def ensure_cache_folder() -> None:
 
 
 ensure_cache_folder()
+CLOCK = event.TimingListener()  # time spent compiling; reading a kept kernel does not count
+event.register("numba:compile", CLOCK)

@@ -1,4 +1,4 @@
-"""Where the compiled kernels are cached when the usual folders cannot be written."""
+"""Where compiled kernels are kept, also when the usual folders cannot be written."""
 
 from __future__ import annotations
 
@@ -45,3 +45,21 @@ def test_a_link_in_place_of_the_folder_is_not_followed(tmp_path: Path,
     target.mkdir(mode=0o700)
     (tmp_path / f"part2gs-robotics-numba-{os.getuid()}").symlink_to(target)
     assert render_jit._private_temporary_folder().resolve() != target
+
+
+def test_compiling_is_timed_and_kept(tmp_path: Path) -> None:
+    script = ("import numpy as np\nfrom part2gs_robotics import jit_cache\n"
+              "assert jit_cache.compile_seconds() == 0.0\n"
+              "from part2gs_robotics import sh\n"
+              "z = np.zeros((1, 3)); sh.sh_colors(z, z, np.zeros((1, 0, 3)), np.ones(3))\n"
+              "print(jit_cache.compile_seconds(), jit_cache.kept_in())")
+    environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path)}
+    seconds = []
+    for _ in range(2):
+        done = subprocess.run([sys.executable, "-c", script], env=environment, text=True,
+                              capture_output=True, check=True)
+        took, folder = done.stdout.split()
+        seconds.append(float(took))
+        assert Path(folder) == tmp_path
+    assert seconds[0] > 0.05  # LLVM takes tenths of a second
+    assert seconds[1] == 0.0  # read from the folder
