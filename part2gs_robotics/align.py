@@ -15,12 +15,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from part2gs_robotics import se3
+from part2gs_robotics.align_pixels import CHANNELS, CHUNKS, slopes, sums
 from part2gs_robotics.cross_render import both_cost, move_gaussians
 from part2gs_robotics.gaussians import Gaussians
 from part2gs_robotics.joint_fit import move_of, parameters, perturbed
 from part2gs_robotics.joints import Joint
 from part2gs_robotics.render import render
 from part2gs_robotics.small_views import SmallViews
+from part2gs_robotics.workspace import Workspace
 
 logger = logging.getLogger(__name__)
 F64 = NDArray[np.float64]
@@ -152,21 +154,12 @@ def _systems(
         rates = [_rates(j, target, diag) for j in joints]
         hot = np.eye(len(joints) + 1, dtype=np.float32)[labels[source]]
         g = gaussians[source]
-        small = views[target]
+        small, work = views[target], Workspace()
+        arrays = means, quats, g.scales, g.opacities, g.colors
         for v in range(len(small.colors)):
             height, width = small.alphas[v].shape
-            out = render(
-                means,
-                quats,
-                g.scales,
-                g.opacities,
-                g.colors,
-                small.viewmats[v],
-                small.Ks[v],
-                width,
-                height,
-                extra=hot,
-            )
+            camera = small.viewmats[v], small.Ks[v], width, height
+            out = render(*arrays, *camera, extra=hot, workspace=work)
             _add_view(
                 systems, rates, out.color, out.alpha, out.depth, out.extra, small, v, diag, blur
             )
@@ -209,8 +202,8 @@ def _add_view(
     def soft(image: F32) -> F32:
         return cv2.GaussianBlur(image, (0, 0), blur)
 
-    drawn = soft(np.dstack([color, ALPHA_GAIN * alpha]).astype(np.float32))
-    photo = soft(np.dstack([small.colors[v], ALPHA_GAIN * small.alphas[v]]).astype(np.float32))
+    drawn = soft(cv2.merge([color, ALPHA_GAIN * alpha]))
+    photo = soft(cv2.merge([small.colors[v], ALPHA_GAIN * small.alphas[v]]))
     across = 0.5 * (np.roll(drawn, -1, 1) - np.roll(drawn, 1, 1))
     down = 0.5 * (np.roll(drawn, -1, 0) - np.roll(drawn, 1, 0))
     z = np.where(alpha > 0.05, depth / np.maximum(alpha, 0.05), 0.0).astype(np.float32)
@@ -262,30 +255,16 @@ def _add_pixels(
     robust: float,
 ) -> None:
     rows, cols = index
-    K, camera_from_world = small.Ks[v], small.viewmats[v]
-    depth = np.maximum(z[index].astype(np.float64), 1e-6)
-    local = np.stack(
-        [(cols + 0.5 - K[0, 2]) / K[0, 0] * depth, (rows + 0.5 - K[1, 2]) / K[1, 1] * depth, depth],
-        1,
-    )
-    world = (local - camera_from_world[:3, 3]) @ camera_from_world[:3, :3]
-    columns = []
-    for rate in rates:
-        velocity = (world @ rate[:3, :3].T + rate[:3, 3]) @ camera_from_world[:3, :3].T
-        du = K[0, 0] * (velocity[:, 0] - local[:, 0] / depth * velocity[:, 2]) / depth
-        dv = K[1, 1] * (velocity[:, 1] - local[:, 1] / depth * velocity[:, 2]) / depth
-        # The picture moves with the part: what was at u - du comes to u.
-        columns.append(
-            -(gradients[0][index] * du[:, None] + gradients[1][index] * dv[:, None])
-            * own[index][:, None]
-        )
-    jac = np.stack(columns, -1)
+    jac = np.zeros((len(rows), CHANNELS, len(rates)))
+    slopes(rows, cols, z, *gradients, own, rates, small.Ks[v], small.viewmats[v], jac)
     residual = difference[index].astype(np.float64)
     # Light is fixed in the world: a turned face changes brightness as a whole, which is no motion.
     residual[:, :3] -= np.median(residual[:, :3], 0)
     jac[:, :3] -= jac[:, :3].mean(0)
-    weight = (1.0 / (1.0 + (residual / robust) ** 2)) ** 2
-    system.h += np.einsum("ncp,ncq,nc->pq", jac, jac, weight)
-    system.g += np.einsum("ncp,nc->p", jac, weight * residual)
-    system.error += float((weight * residual**2).sum())
-    system.count += float(weight.sum())
+    h, g = np.zeros((CHUNKS, *system.h.shape)), np.zeros((CHUNKS, *system.g.shape))
+    error, count = np.zeros(CHUNKS), np.zeros(CHUNKS)
+    sums(jac, residual, robust, h, g, error, count)
+    system.h += h.sum(0)
+    system.g += g.sum(0)
+    system.error += float(error.sum())
+    system.count += float(count.sum())

@@ -7,13 +7,17 @@ joint makes them look more like what the cameras saw in the other state.
 from __future__ import annotations
 
 import numpy as np
+from numba import prange
 from numpy.typing import NDArray
 
 from part2gs_robotics import se3
 from part2gs_robotics.gaussians import Gaussians
 from part2gs_robotics.render import render
+from part2gs_robotics.render_jit import parallel_kernel
 from part2gs_robotics.small_views import SmallViews
+from part2gs_robotics.workspace import Workspace
 
+Floats = NDArray[np.floating]
 F64 = NDArray[np.float64]
 COLOR_SCALE = 0.25  # a colour error of a quarter is as wrong as it gets: light turns with nothing
 MISSING_COST = 0.3  # per uncovered pixel: mostly interior that the source state never saw
@@ -46,19 +50,31 @@ def cross_cost(
         views: small views of the other state.
     """
     means, quats = move_gaussians(source, labels, moves)
-    scales, opacities, colors = source.scales, source.opacities, source.colors
-    total = 0.0
+    arrays = (means, quats, source.scales, source.opacities, source.colors)
+    total, work = 0.0, Workspace()
     for v in range(len(views.colors)):
         height, width = views.alphas[v].shape
-        out = render(
-            means, quats, scales, opacities, colors, views.viewmats[v], views.Ks[v], width, height
-        )
-        excess = out.alpha - views.alphas[v]
-        # Colour of what is there; nothing is compared where nothing was rendered.
-        tint = np.abs(out.color - out.alpha[..., None] * views.colors[v]).mean(-1) / COLOR_SCALE
-        cost = np.minimum(tint, 1.0) + np.minimum(2.0 * np.maximum(excess, 0.0), 1.0)
-        total += float(cost.sum() - MISSING_COST * np.minimum(excess, 0.0).sum())
+        out = render(*arrays, views.viewmats[v], views.Ks[v], width, height, workspace=work)
+        rows = np.zeros(height)
+        _row_costs(out.color, out.alpha, views.colors[v], views.alphas[v], rows)
+        total += float(rows.sum())
     return total / max(float(views.alphas.sum()), 1.0)
+
+
+@parallel_kernel
+def _row_costs(color: Floats, alpha: Floats, photo: Floats, mask: Floats, rows: F64) -> None:
+    """Fill the cost of every row of an image against its photo."""
+    for y in prange(len(rows)):
+        total = 0.0
+        for x in range(alpha.shape[1]):
+            excess = alpha[y, x] - mask[y, x]
+            # Colour of what is there; nothing is compared where nothing was rendered.
+            tint = 0.0
+            for c in range(3):
+                tint += abs(color[y, x, c] - alpha[y, x] * photo[y, x, c])
+            total += min(tint / (3 * COLOR_SCALE), 1.0) + min(2.0 * max(excess, 0.0), 1.0)
+            total -= MISSING_COST * min(excess, 0.0)
+        rows[y] = total
 
 
 def both_cost(

@@ -11,6 +11,7 @@ from scipy.spatial import cKDTree
 
 from part2gs_robotics import se3
 from part2gs_robotics.landing import FREE_COST, Landing, land
+from part2gs_robotics.render_jit import parallel_kernel
 from part2gs_robotics.surfels import Surfels
 
 F64 = NDArray[np.float64]
@@ -50,25 +51,37 @@ def build_graph(states: tuple[Surfels, Surfels]) -> Graph:
     return Graph(np.concatenate(ids), np.concatenate(weights))
 
 
-@numba.njit(cache=True, parallel=True)
-def _sweep(unary, q, neighbors, weights, smooth, temperature):  # type: ignore[no-untyped-def]
-    out = np.zeros_like(q)
-    labels = unary.shape[1]
-    for i in numba.prange(len(unary)):
-        cost = unary[i].copy()
+@parallel_kernel
+def _sweep(cost: F64, q: F64, neighbors: NDArray[np.int64], weights: F64, temperature: float,
+           out: F64) -> None:
+    """Fill out [N, L] with the labels q after one damped step towards their neighbours'."""
+    labels = cost.shape[1]
+    for i in numba.prange(len(cost)):
+        for k in range(labels):
+            out[i, k] = cost[i, k]
         for n in range(neighbors.shape[1]):
-            w = smooth * weights[i, n]
-            j = neighbors[i, n]
+            w, j = SMOOTHNESS * weights[i, n], neighbors[i, n]
             for k in range(labels):
-                cost[k] += w * (1.0 - q[j, k])
-        low = cost.min()
+                out[i, k] += w * (1.0 - q[j, k])
+        low = out[i, 0]
+        for k in range(1, labels):
+            low = min(low, out[i, k])
         total = 0.0
         for k in range(labels):
-            out[i, k] = np.exp(-(cost[k] - low) / temperature)
+            out[i, k] = np.exp((low - out[i, k]) / temperature)
             total += out[i, k]
         for k in range(labels):
             out[i, k] = 0.5 * out[i, k] / total + 0.5 * q[i, k]
-    return out
+
+
+@parallel_kernel
+def _costs(match: F64, target: NDArray[np.int64], miss: F64, far: F64, q: F64, out: F64) -> None:
+    """Fill out [N, L]: what the surfel met costs, at most a miss; far from its part, more."""
+    for i in numba.prange(len(match)):
+        for k in range(match.shape[1]):
+            j, none = target[i, k], miss[i, k]
+            met = match[i, k] + FOREIGN_COST * (1.0 - q[j, k]) if j >= 0 else none
+            out[i, k] = (min(met, max(none, FOREIGN_COST)) if j >= 0 else none) + far[i, k]
 
 
 @dataclass(frozen=True)
@@ -88,11 +101,10 @@ class Unary:
 
     def cost(self, q: F64) -> F64:
         """Return [N, L] costs given soft labels: a surface carried by another part is no match."""
-        owned = np.take_along_axis(q, np.maximum(self.target, 0), 0)
-        met = np.minimum(
-            self.match + FOREIGN_COST * (1.0 - owned), np.maximum(self.miss, FOREIGN_COST)
-        )
-        return np.asarray(np.where(self.target >= 0, met, self.miss) + self.far)
+        out = np.zeros_like(self.match)
+        far = np.ascontiguousarray(np.broadcast_to(np.asarray(self.far, np.float64), out.shape))
+        _costs(self.match, self.target, self.miss, far, np.ascontiguousarray(q), out)
+        return out
 
 
 def unary_costs(
@@ -123,10 +135,12 @@ def label(unary: Unary, graph: Graph) -> tuple[NDArray[np.int64], float]:
     free = np.where(unary.target >= 0, unary.match, unary.miss)
     q = np.exp(-free / TEMPERATURES[0])
     q /= q.sum(1, keepdims=True)
+    other = np.zeros_like(q)
     for temperature in TEMPERATURES:
         cost = unary.cost(q)
         for _ in range(SWEEPS):
-            q = _sweep(cost, q, graph.neighbors, graph.weights, SMOOTHNESS, temperature)
+            _sweep(cost, q, graph.neighbors, graph.weights, temperature, other)
+            q, other = other, q
     hard = q.argmax(1)
     cost = unary.cost(np.eye(q.shape[1])[hard])
     differ = hard[graph.neighbors] != hard[:, None]
