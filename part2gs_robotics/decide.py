@@ -24,6 +24,7 @@ TUNE_ANGLE = np.deg2rad(12.0)  # rad; drawers of one cabinet run parallel
 TUNE_STEPS = (-0.02, -0.01, -0.005, 0.0, 0.005, 0.01, 0.02)  # of the diagonal
 MIN_SURFELS = 25  # in either state: less is the size of a floater
 MIN_MET = 0.5  # of the poorer state's surfels: a wrong motion that hides them meets fewer
+SORTED = 10  # sets per step, the best by a rough labelling, that are labelled to the end
 SHOWN = 5  # sets per step that are rendered
 
 
@@ -80,7 +81,8 @@ class Judge:
                 return False
         return True
 
-    def sort_out(self, motions: list[Hypothesis]) -> tuple[NDArray[np.int64], float]:
+    def sort_out(self, motions: list[Hypothesis], rough: bool = False,
+                 ) -> tuple[NDArray[np.int64], float]:
         """Return the labelling of the surfels under the motions and its cost per surfel."""
         columns = [self.static, *(self._column(h) for h in motions)]
         unary = Unary(
@@ -88,12 +90,14 @@ class Judge:
             np.concatenate([c.target for c in columns], 1),
             np.concatenate([c.miss for c in columns], 1),
         )
-        hard, energy = label(unary, self.study.graph)
+        hard, energy = label(unary, self.study.graph, rough)
         return hard, energy / len(hard)
 
     def best_of(self, sets: list[list[Hypothesis]]) -> Verdict:
         """Return the best of several sets; the images see only the best by surfels."""
-        ranked = sorted(((self.sort_out(s), s) for s in sets), key=lambda pair: pair[0][1])
+        rough = sorted(((self.sort_out(s, rough=True)[1], n) for n, s in enumerate(sets)))
+        ranked = sorted(((self.sort_out(sets[n]), sets[n]) for _, n in rough[:SORTED]),
+                        key=lambda pair: pair[0][1])
         return min((self.judge(s, known) for known, s in ranked[:SHOWN]), key=lambda v: v.cost)
 
     def judge(

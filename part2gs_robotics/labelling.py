@@ -15,6 +15,7 @@ from part2gs_robotics.render_jit import parallel_kernel
 from part2gs_robotics.surfels import Surfels
 
 F64 = NDArray[np.float64]
+F32 = NDArray[np.float32]
 NEIGHBORS = 10  # of the surfel graph: a full ring on a surface sampled by voxels
 SMOOTHNESS = 0.12  # per neighbour: ten neighbours outvote a neutral surfel, not a clear one
 NEUTRAL_COST = (
@@ -29,8 +30,8 @@ SWEEPS = 4  # per temperature
 class Graph:
     """Surfels of both states as one graph: neighbours [N, k] and weights [N, k] within a state."""
 
-    neighbors: NDArray[np.int64]
-    weights: F64
+    neighbors: NDArray[np.int32]
+    weights: NDArray[np.float32]
 
 
 def build_graph(states: tuple[Surfels, Surfels]) -> Graph:
@@ -48,34 +49,36 @@ def build_graph(states: tuple[Surfels, Surfels]) -> Graph:
         )
         ids.append(index + offset)
         offset += len(s)
-    return Graph(np.concatenate(ids), np.concatenate(weights))
+    # Half the memory of 64-bit numbers: a sweep waits for the neighbours' lines.
+    return Graph(np.concatenate(ids).astype(np.int32), np.concatenate(weights).astype(np.float32))
 
 
 @parallel_kernel
-def _sweep(cost: F64, q: F64, neighbors: NDArray[np.int64], weights: F64, temperature: float,
-           out: F64) -> None:
+def _sweep(cost: F32, q: F32, neighbors: NDArray[np.int32], weights: F32, temperature: F32,
+           out: F32) -> None:
     """Fill out [N, L] with the labels q after one damped step towards their neighbours'."""
-    labels = cost.shape[1]
+    labels, one, half = cost.shape[1], np.float32(1), np.float32(0.5)
     for i in numba.prange(len(cost)):
         for k in range(labels):
             out[i, k] = cost[i, k]
         for n in range(neighbors.shape[1]):
-            w, j = SMOOTHNESS * weights[i, n], neighbors[i, n]
+            w, j = weights[i, n], neighbors[i, n]
             for k in range(labels):
-                out[i, k] += w * (1.0 - q[j, k])
+                out[i, k] += w * (one - q[j, k])
         low = out[i, 0]
         for k in range(1, labels):
             low = min(low, out[i, k])
-        total = 0.0
+        total = np.float32(0)
         for k in range(labels):
             out[i, k] = np.exp((low - out[i, k]) / temperature)
             total += out[i, k]
         for k in range(labels):
-            out[i, k] = 0.5 * out[i, k] / total + 0.5 * q[i, k]
+            out[i, k] = half * (out[i, k] / total + q[i, k])
 
 
 @parallel_kernel
-def _costs(match: F64, target: NDArray[np.int64], miss: F64, far: F64, q: F64, out: F64) -> None:
+def _costs(match: F64, target: NDArray[np.int64], miss: F64, far: F64,
+           q: NDArray[np.floating], out: F64) -> None:
     """Fill out [N, L]: what the surfel met costs, at most a miss; far from its part, more."""
     for i in numba.prange(len(match)):
         for k in range(match.shape[1]):
@@ -99,7 +102,7 @@ class Unary:
     miss: F64
     far: F64 | float = 0.0
 
-    def cost(self, q: F64) -> F64:
+    def cost(self, q: NDArray[np.floating]) -> F64:
         """Return [N, L] costs given soft labels: a surface carried by another part is no match."""
         out = np.zeros_like(self.match)
         far = np.ascontiguousarray(np.broadcast_to(np.asarray(self.far, np.float64), out.shape))
@@ -130,19 +133,26 @@ def unary_costs(
     )
 
 
-def label(unary: Unary, graph: Graph) -> tuple[NDArray[np.int64], float]:
-    """Return hard labels [N] and their energy by annealed mean field."""
+def label(unary: Unary, graph: Graph, rough: bool = False) -> tuple[NDArray[np.int64], float]:
+    """Return hard labels [N] and their energy by annealed mean field.
+
+    Args:
+        unary: landing of every surfel under every motion.
+        graph: neighbours.
+        rough: one sweep per temperature: enough to tell good sets of motions from bad ones.
+    """
     free = np.where(unary.target >= 0, unary.match, unary.miss)
     q = np.exp(-free / TEMPERATURES[0])
     q /= q.sum(1, keepdims=True)
-    other = np.zeros_like(q)
+    q = q.astype(np.float32)
+    other, weights = np.zeros_like(q), np.float32(SMOOTHNESS) * graph.weights
     for temperature in TEMPERATURES:
-        cost = unary.cost(q)
-        for _ in range(SWEEPS):
-            _sweep(cost, q, graph.neighbors, graph.weights, temperature, other)
+        cost = unary.cost(q).astype(np.float32)
+        for _ in range(1 if rough else SWEEPS):
+            _sweep(cost, q, graph.neighbors, weights, np.float32(temperature), other)
             q, other = other, q
     hard = q.argmax(1)
-    cost = unary.cost(np.eye(q.shape[1])[hard])
+    exact = unary.cost(np.eye(q.shape[1])[hard])
     differ = hard[graph.neighbors] != hard[:, None]
-    energy = cost[np.arange(len(hard)), hard].sum() + SMOOTHNESS * (graph.weights * differ).sum()
+    energy = exact[np.arange(len(hard)), hard].sum() + SMOOTHNESS * (graph.weights * differ).sum()
     return hard, float(energy)
