@@ -18,6 +18,7 @@ from part2gs_robotics.study import Study
 F64 = NDArray[np.float64]
 PART_PRICE = 0.003  # of cost per object pixel plus cost per surfel: what one more part must save
 PART_SHARE = 0.027  # of the cost left: what noise saves grows with it (0.3..2.4 % on six objects)
+DOUBT = 0.5  # of the price: what saves this much is tuned before it is turned down
 INCOHERENT = 0.05  # while parts are missing one motion must hide the others' surfels as well
 TUNE_ROUNDS = 3  # the third seldom changes anything
 TUNE_ANGLE = np.deg2rad(12.0)  # rad; drawers of one cabinet run parallel
@@ -49,6 +50,14 @@ class Verdict:
     def cost(self) -> float:
         """Cost without the price of the parts; dearer with a part that is not one body."""
         return self.surfel_cost + self.image_cost + (0.0 if self.coherent else INCOHERENT)
+
+    def improves(self, other: Verdict) -> bool:
+        """Return whether surfels and images both speak for this set.
+
+        A false part can show the photos what one state never saw, such as the inside of a lid, by
+        moving something else there; then surfels land worse. A true part helps both.
+        """
+        return self.surfel_cost < other.surfel_cost and self.image_cost < other.image_cost
 
 
 class Judge:
@@ -93,12 +102,18 @@ class Judge:
         hard, energy = label(unary, self.study.graph, rough)
         return hard, energy / len(hard)
 
-    def best_of(self, sets: list[list[Hypothesis]]) -> Verdict:
-        """Return the best of several sets; the images see only the best by surfels."""
+    def best_of(self, sets: list[list[Hypothesis]], above: Verdict | None = None) -> Verdict:
+        """Return the best of several sets; the images see only the best by surfels.
+
+        Args:
+            sets: of motions.
+            above: sets that improve this verdict come before those that do not.
+        """
         rough = sorted(((self.sort_out(s, rough=True)[1], n) for n, s in enumerate(sets)))
         ranked = sorted(((self.sort_out(sets[n]), sets[n]) for _, n in rough[:SORTED]),
                         key=lambda pair: pair[0][1])
-        return min((self.judge(s, known) for known, s in ranked[:SHOWN]), key=lambda v: v.cost)
+        return min((self.judge(s, known) for known, s in ranked[:SHOWN]),
+                   key=lambda v: (above is not None and not v.improves(above), v.cost))
 
     def judge(
         self, motions: list[Hypothesis], known: tuple[NDArray[np.int64], float] | None = None
@@ -158,11 +173,16 @@ def decide(
     best = solid = judge.judge([])
     say(f"nothing moves: cost {best.cost:.3f}")
     while pool and (parts is None or len(best.motions) < parts):
-        grown = judge.polished(judge.best_of([[*best.motions, h] for h in pool]))
+        grown = judge.polished(judge.best_of([[*best.motions, h] for h in pool], best))
         grown = _swap(judge, grown, pool) if len(grown.motions) > 1 else grown
+        price = 0.0 if parts is not None else max(PART_PRICE, PART_SHARE * best.cost)
+        if price > best.cost - grown.cost > DOUBT * price and grown.coherent:
+            # A drawer with nearly its length saves part of what it will: judge it at its best.
+            grown = tune(judge, grown, say)
         gain = best.cost - grown.cost
-        say(f"{len(grown.motions)} parts: cost {grown.cost:.3f}, {gain:.3f} less")
-        if parts is None and gain < max(PART_PRICE, PART_SHARE * best.cost):
+        say(f"{len(grown.motions)} parts: cost {grown.cost:.4f}, {gain:.4f} less, price {price:.4f}")
+        if parts is None and (gain < price or not grown.improves(best)):
+            say("surfels and images do not both gain by it" if gain >= price else "not worth it")
             break
         best, solid = grown, grown if grown.coherent else solid
     if solid is not best:

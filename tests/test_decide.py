@@ -9,7 +9,15 @@ import numpy as np
 import pytest
 
 from part2gs_robotics import se3
-from part2gs_robotics.decide import INCOHERENT, MIN_SURFELS, PART_PRICE, Judge, decide, tune
+from part2gs_robotics.decide import (
+    INCOHERENT,
+    MIN_SURFELS,
+    PART_PRICE,
+    Judge,
+    Verdict,
+    decide,
+    tune,
+)
 from part2gs_robotics.labelling import build_graph
 from part2gs_robotics.motion_search import Hypothesis
 
@@ -169,3 +177,21 @@ def test_tuning_leaves_one_motion_and_turns_alone(judge, look_alikes):
     assert tune(judge, one, silent) is one
     turns = judge.judge([WRONG["turn"], replace(WRONG["turn"], value=1.0)])
     assert tune(judge, turns, silent) is turns
+
+
+@pytest.mark.parametrize(("surfels", "images", "improves"), [
+    (0.09, 0.19, True),
+    (0.11, 0.15, False),  # shows the photos more, but lands surfels on nothing
+    (0.05, 0.21, False),
+    (0.10, 0.20, False),
+])
+def test_a_part_must_help_surfels_and_images(surfels, images, improves):
+    start = Verdict((), np.zeros(1, np.int64), 0.10, 0.20)
+    assert Verdict((), np.zeros(1, np.int64), surfels, images).improves(start) is improves
+
+
+def test_sets_that_help_both_come_first(judge, look_alikes, right):
+    wrong = [look_alikes.truth[0], WRONG["turn"]]
+    assert not judge.judge(wrong).improves(right)
+    best = judge.best_of([wrong, list(look_alikes.truth)], judge.judge([]))
+    assert best.motions == tuple(look_alikes.truth)
