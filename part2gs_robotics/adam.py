@@ -16,6 +16,7 @@ Floats = NDArray[np.floating]
 # 3DGS: a tiny epsilon, because the gradients of means are far below 1e-8 in small scenes.
 EPS = 1e-15
 BETA1, BETA2 = 0.9, 0.999
+LARGEST = 1e18  # of a gradient: its square fits float32, infinite moments would stay so
 
 
 @dataclass
@@ -25,8 +26,10 @@ class Adam:
     Attributes:
         rates: learning rate of each array.
         first, second: running means of the gradient and of its square, as the arrays.
-        steps: updates done; a row added later shares the count (its moments start at zero, so
-            its first steps are smaller, never larger).
+        steps: updates done; a row added later shares the count and takes larger first steps.
+
+    By Cauchy-Schwarz |m| <= sqrt(v) (1 - b1) / sqrt((1 - b2) (1 - b1^2 / b2)), and the bias terms
+    never add to it: no step exceeds 7.27 rates, whatever the gradients and whenever a row came.
     """
 
     rates: dict[str, float]
@@ -69,8 +72,13 @@ class Adam:
 @parallel_kernel
 def _update(value: Floats, grad: Floats, first: Floats, second: Floats, rate: float,
             root: float) -> None:
+    limit = grad.dtype.type(LARGEST)
     for i in prange(value.size):
         g = grad[i]
+        if g > limit:
+            g = limit
+        elif g < -limit:
+            g = -limit
         m = first[i] + (1 - BETA1) * (g - first[i])
         v = second[i] + (1 - BETA2) * (g * g - second[i])
         first[i], second[i] = m, v

@@ -8,7 +8,6 @@ alignment), and all views together one small Gauss-Newton system per part.
 from __future__ import annotations
 
 import logging
-from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
@@ -16,6 +15,8 @@ from numpy.typing import NDArray
 
 from part2gs_robotics import se3
 from part2gs_robotics.align_pixels import CHANNELS, CHUNKS, slopes, sums
+from part2gs_robotics.align_sigma import Patches, observed_directions, with_sigma
+from part2gs_robotics.align_system import System, damping_of, solved, summed, weighed, weights_of
 from part2gs_robotics.cross_render import both_cost, move_gaussians
 from part2gs_robotics.gaussians import Gaussians
 from part2gs_robotics.joint_fit import move_of, parameters, perturbed
@@ -35,34 +36,8 @@ MIN_OWN = 0.35  # share of a pixel a part must have to speak for it
 OCCLUSION = (
     0.01  # of the diagonal: something this much nearer moves the edge, not the part behind it
 )
-CORRELATION = 25.0  # pixels that share one error of a blurred image, for the standard deviations
-
-
-@dataclass
-class _System:
-    """Normal equations of one part."""
-
-    h: F64
-    g: F64
-    error: float = 0.0
-    count: float = 0.0
-
-    @property
-    def variance(self) -> float:
-        """Mean squared residual of a pixel."""
-        return self.error / max(self.count, 1.0) + 1e-12  # a part that no pixel shows
-
-
-def _weighed(one: _System, two: _System) -> _System:
-    """Return the sum of a part's systems in both directions, the truer direction first.
-
-    A state that shows a part badly has its surface wrong and looks wrong when carried over. Weights
-    are squared ratios of the residual variances, since much of either is plain noise.
-    """
-    least = min(one.variance, two.variance)
-    a, b = ((least / s.variance) ** 2 for s in (one, two))
-    return _System(a * one.h + b * two.h, a * one.g + b * two.g, a * one.error + b * two.error,
-                   a * one.count + b * two.count)
+TELLING = 8  # views per state that tell whether a curvature is one of the images
+PROBE = 1e-3  # rad or diagonals: a tenth of a pixel, well above rounding
 
 
 def align(
@@ -85,10 +60,15 @@ def align(
     """
     for blur in BLURS[first_blur:]:
         for _ in range(STEPS):
-            systems = _systems(gaussians, labels, joints, views, diag, blur)
-            joints = [perturbed(j, _solve(s), diag) for j, s in zip(joints, systems, strict=True)]
-    systems = _systems(gaussians, labels, joints, views, diag, BLURS[-1])
-    return [_with_sigma(j, s, diag) for j, s in zip(joints, systems, strict=True)]
+            pairs = _systems(gaussians, labels, joints, views, diag, blur)
+            systems = [weighed(*pair) for pair in pairs]
+            joints = [perturbed(j, solved(s), diag) for j, s in zip(joints, systems, strict=True)]
+    pairs = _systems(gaussians, labels, joints, views, diag, BLURS[-1], patches=True)
+    true = _true_curvatures(gaussians, labels, joints, views, diag)
+    return [
+        _judged_by_curvature(j, *pair, h, diag)
+        for j, pair, h in zip(joints, pairs, true, strict=True)
+    ]
 
 
 def judged(
@@ -116,24 +96,47 @@ def judged(
     return kept
 
 
-def _solve(system: _System) -> F64:
-    # A direction that no pixel sees is held by the damping, not thrown about.
-    damping = 1e-3 * np.trace(system.h) / len(system.g) + 1e-9
-    step = np.linalg.solve(system.h + damping * np.eye(len(system.g)), system.g)
-    return np.asarray(step * min(1.0, 0.03 / max(float(np.abs(step).max()), 1e-12)))
+def _judged_by_curvature(
+    joint: Joint, one: System, two: System, true: tuple[F64, F64], diag: float
+) -> Joint:
+    assert one.patches is not None  # asked for
+    assert two.patches is not None
+    h = weighed(one, two).h
+    ways = observed_directions(h, damping_of(h), *true)
+    return with_sigma(joint, (one.patches, two.patches), weights_of(one, two), ways, diag)
 
 
-def _with_sigma(joint: Joint, system: _System, diag: float) -> Joint:
-    variance = system.variance * CORRELATION
-    covariance = variance * np.linalg.pinv(system.h + 1e-9 * np.eye(len(system.g)))
-    sigma = np.sqrt(np.maximum(np.diag(covariance), 0.0))
-    turning = joint.kind != "prismatic"
-    return replace(
-        joint,
-        sigma_axis=float(np.hypot(sigma[0], sigma[1])),
-        sigma_value=float(sigma[2] * (1.0 if turning else diag)),
-        sigma_origin=float(np.hypot(sigma[3], sigma[4]) * diag) if turning else float("nan"),
-    )
+def _true_curvatures(
+    gaussians: tuple[Gaussians, Gaussians],
+    labels: tuple[NDArray[np.int64], NDArray[np.int64]],
+    joints: list[Joint],
+    views: tuple[SmallViews, SmallViews],
+    diag: float,
+) -> list[tuple[F64, F64]]:
+    """Return [P, P] of every joint: change of the gradient, and the curvature meant to be it.
+
+    A neighbour's texture at a part's rim has slopes that do not follow the part: curvature of the
+    equations, none of the images. Some views tell.
+    """
+    few = _few(views[0]), _few(views[1])
+    pairs = _systems(gaussians, labels, joints, few, diag, BLURS[-1])
+    weights = [weights_of(*pair) for pair in pairs]
+    change = [np.zeros((len(parameters(j)),) * 2) for j in joints]
+    for i in range(max(map(len, change), default=0)):
+        steps = [PROBE * np.eye(max(len(c), i + 1))[i, : len(c)] for c in change]
+        there = [perturbed(j, s, diag) for j, s in zip(joints, steps, strict=True)]
+        for k, pair in enumerate(_systems(gaussians, labels, there, few, diag, BLURS[-1])):
+            if i < len(change[k]):
+                was, now = (summed(p, weights[k]).g for p in (pairs[k], pair))
+                change[k][:, i] = (was - now) / PROBE
+    return [
+        (c, summed(pair, w).h) for c, pair, w in zip(change, pairs, weights, strict=True)
+    ]
+
+
+def _few(views: SmallViews) -> SmallViews:
+    s = slice(None, None, max(1, len(views.colors) // TELLING))
+    return SmallViews(views.colors[s], views.alphas[s], views.Ks[s], views.viewmats[s])
 
 
 def _systems(
@@ -143,15 +146,19 @@ def _systems(
     views: tuple[SmallViews, SmallViews],
     diag: float,
     blur: float,
-) -> list[_System]:
+    patches: bool = False,
+) -> list[tuple[System, System]]:
+    """Return every part's systems in both directions, with patches for the last one."""
     sizes = [len(parameters(j)) for j in joints]
     both = []
     for target in (0, 1):
-        systems = [_System(np.zeros((n, n)), np.zeros(n)) for n in sizes]
+        systems = [System(np.zeros((n, n)), np.zeros(n)) for n in sizes]
         source = 1 - target
         moves = [np.eye(4), *(_into(j, target) for j in joints)]
         means, quats = move_gaussians(gaussians[source], labels[source], moves)
         rates = [_rates(j, target, diag) for j in joints]
+        for k, system in enumerate(systems):
+            system.patches = Patches(means[labels[source] == k + 1]) if patches else None
         hot = np.eye(len(joints) + 1, dtype=np.float32)[labels[source]]
         g = gaussians[source]
         small, work = views[target], Workspace()
@@ -164,7 +171,7 @@ def _systems(
                 systems, rates, out.color, out.alpha, out.depth, out.extra, small, v, diag, blur
             )
         both.append(systems)
-    return [_weighed(one, two) for one, two in zip(*both, strict=True)]
+    return list(zip(*both, strict=True))
 
 
 def _into(joint: Joint, target: int) -> F64:
@@ -188,7 +195,7 @@ def _rates(joint: Joint, target: int, diag: float) -> F64:
 
 
 def _add_view(
-    systems: list[_System],
+    systems: list[System],
     rates: list[F64],
     color: F32,
     alpha: F32,
@@ -243,7 +250,7 @@ def _hidden_edge(z: F32, own: F32, diag: float) -> NDArray[np.bool_]:
 
 
 def _add_pixels(
-    system: _System,
+    system: System,
     rates: F64,
     index: tuple[NDArray[np.intp], ...],
     z: F32,
@@ -261,6 +268,9 @@ def _add_pixels(
     # Light is fixed in the world: a turned face changes brightness as a whole, which is no motion.
     residual[:, :3] -= np.median(residual[:, :3], 0)
     jac[:, :3] -= jac[:, :3].mean(0)
+    if system.patches is not None:
+        camera = small.Ks[v], small.viewmats[v]
+        system.patches.add(rows, cols, z, gradients, own, rates, camera, residual, robust)
     h, g = np.zeros((CHUNKS, *system.h.shape)), np.zeros((CHUNKS, *system.g.shape))
     error, count = np.zeros(CHUNKS), np.zeros(CHUNKS)
     sums(jac, residual, robust, h, g, error, count)

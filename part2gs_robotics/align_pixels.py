@@ -6,7 +6,7 @@ import numpy as np
 from numba import prange
 from numpy.typing import NDArray
 
-from part2gs_robotics.render_jit import parallel_kernel
+from part2gs_robotics.render_jit import kernel, parallel_kernel
 
 Floats = NDArray[np.floating]
 F64 = NDArray[np.float64]
@@ -62,3 +62,29 @@ def sums(jac: F64, residual: F64, robust: float, h: F64, g: F64, error: F64, cou
                     g[chunk, p] += scaled * r
                     for q in range(jac.shape[2]):
                         h[chunk, p, q] += scaled * jac[n, c, q]
+
+
+@kernel
+def patch_sums(jac: F64, residual: F64, robust: float, patch: NDArray[np.int64], g: F64, bread: F64,
+               noise: F64, pull: F64) -> None:
+    """Add every pixel to its patch of surface, for the standard deviations.
+
+    jac [n, 4, P + 3]: slopes along P parameters and along three shifts of the surface. Added to, by
+    patch: g [m, P] = sum psi J; bread [m, P, P] = sum psi' J J^T; noise [m, P, P] =
+    sum psi^2 J J^T; pull [m, P, 3] = sum psi' J S^T, change of g per shift of the patch.
+    """
+    count = g.shape[1]
+    for n in range(len(jac)):
+        m = patch[n]
+        for c in range(CHANNELS):
+            u = (residual[n, c] / robust) ** 2
+            psi = residual[n, c] / (1.0 + u) ** 2
+            slope = (1.0 - 3.0 * u) / (1.0 + u) ** 3
+            for p in range(count):
+                j = jac[n, c, p]
+                g[m, p] += psi * j
+                for q in range(count):
+                    bread[m, p, q] += slope * j * jac[n, c, q]
+                    noise[m, p, q] += psi * psi * j * jac[n, c, q]
+                for q in range(3):
+                    pull[m, p, q] += slope * j * jac[n, c, count + q]

@@ -18,7 +18,7 @@ from part2gs_robotics import __version__
 from part2gs_robotics.articulate import Motion
 from part2gs_robotics.config import Config, to_dict
 from part2gs_robotics.device import describe, pick_device, rendering_on
-from part2gs_robotics.errors import StoreError
+from part2gs_robotics.errors import FitError, StoreError
 from part2gs_robotics.gaussians import Gaussians
 from part2gs_robotics.hashing import code_version, hash_of
 from part2gs_robotics.jit_cache import compile_seconds, kept_in, prepare_jit_cache
@@ -36,7 +36,7 @@ from part2gs_robotics.saved import (
     save_parts,
 )
 from part2gs_robotics.scene import Scene, StateViews
-from part2gs_robotics.store import Saved, Store
+from part2gs_robotics.store import STAGES, Saved, Store
 from part2gs_robotics.twin import Part, Twin
 
 T = TypeVar("T")
@@ -106,6 +106,7 @@ class _Corridor:
         self.scene, self.config, self.store = scene, config, store
         self.seconds: dict[str, float] = {}
         self.code = code_version()
+        self.good = ""  # the last finished stage
         views = sum(len(state) for state in scene.states)
         self._done("read", read_seconds, f"{views} images")
 
@@ -204,7 +205,13 @@ class _Corridor:
     def _stage(self, name: str, key: str, compute: Callable[[], T], save: Callable[[T], Saved],
                load: Callable[[Saved], T], number: Callable[[T], str]) -> T:
         began, compiled = time.monotonic(), compile_seconds()
-        result = self.store.stage(name, key, compute, save, load)
+        try:
+            result = self.store.stage(name, key, compute, save, load)
+        except FitError as err:
+            kept = (f"Last good result: {self.store.out / STAGES / self.good}; the same command "
+                    "goes on from it." if self.good else "No stage was finished before it.")
+            raise FitError(f"{name[3:]}: {err} {kept}") from err
+        self.good = name
         compiled = compile_seconds() - compiled
         if compiled > COMPILE_WORTH_A_WORD:
             logger.info("%s: %.1f s of it compiled kernels for this machine, kept in %s",

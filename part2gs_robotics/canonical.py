@@ -7,11 +7,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
-from scipy.spatial import cKDTree
 from scipy.spatial.distance import cdist
 
 from part2gs_robotics.errors import FitError
 from part2gs_robotics.gaussians import Gaussians
+from part2gs_robotics.nearest import tree_of
 
 F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
@@ -89,7 +89,7 @@ def motion_richness(points: F64, other: F64, observed: NDArray[np.bool_] | None 
     used = points if observed is None else points[observed]
     if len(used) == 0 or len(other) == 0:
         return 0.0
-    distance, _ = cKDTree(other).query(used)
+    distance, _ = tree_of(other)[0].query(used)
     return float(np.mean(distance))
 
 
@@ -154,7 +154,8 @@ def _averaged(
     own, other = matches[:, reference], matches[:, 1 - reference]
     means = both[reference].means.astype(np.float64)
     offsets = both[1 - reference].means[other].astype(np.float64) - means[own]
-    _, nearest = cKDTree(means[own]).query(means)
+    tree, kept = tree_of(means[own])
+    nearest = kept[tree.query(means)[1]]
     share = (1.0 - weight) if reference == 0 else weight
     moved = (means + share * offsets[nearest]).astype(np.float32)
     return replace(both[reference], means=moved)

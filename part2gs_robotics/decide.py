@@ -17,7 +17,7 @@ from part2gs_robotics.study import Study
 
 F64 = NDArray[np.float64]
 PART_PRICE = 0.003  # of cost per object pixel plus cost per surfel: what one more part must save
-PART_SHARE = 0.027  # of the cost left: what noise saves grows with it (0.3..2.4 % on six objects)
+PART_SHARE = 0.015  # of the cost left: what noise saves grows with it
 DOUBT = 0.5  # of the price: what saves this much is tuned before it is turned down
 INCOHERENT = 0.05  # while parts are missing one motion must hide the others' surfels as well
 TUNE_ROUNDS = 3  # the third seldom changes anything
@@ -180,7 +180,8 @@ def decide(
             # A drawer with nearly its length saves part of what it will: judge it at its best.
             grown = tune(judge, grown, say)
         gain = best.cost - grown.cost
-        say(f"{len(grown.motions)} parts: cost {grown.cost:.4f}, {gain:.4f} less, price {price:.4f}")
+        say(f"{len(grown.motions)} parts: cost {grown.cost:.4f}, {gain:.4f} less; "
+            f"price {price:.4f}")
         if parts is None and (gain < price or not grown.improves(best)):
             say("surfels and images do not both gain by it" if gain >= price else "not worth it")
             break

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from part2gs_robotics.gaussians import Gaussians
+from part2gs_robotics.render_jit import kernel, parallel_kernel
 from part2gs_robotics.scene import StateViews
 
 BACKGROUND_ALPHA = 0.1  # below: nothing there; 0.1..0.5 are mixed edge pixels that vote for nothing
@@ -70,7 +71,7 @@ class Observation:
     outside: NDArray[np.int32]
 
 
-@numba.njit(cache=True)
+@kernel
 def _vote(depth, row, col, near, far):  # type: ignore[no-untyped-def]
     """Return 0 free, 1 surface, 2 hidden, 3 background, 4 no vote, from 2 x 2 pixels.
 
@@ -89,7 +90,7 @@ def _vote(depth, row, col, near, far):  # type: ignore[no-untyped-def]
     return 4
 
 
-@numba.njit(cache=True, parallel=True)
+@parallel_kernel
 def _observe(points, depths, projections, tolerance, counts):  # type: ignore[no-untyped-def]
     num, height, width = points.shape[0], depths.shape[1], depths.shape[2]
     for chunk in numba.prange((num + CHUNK - 1) // CHUNK):

@@ -114,8 +114,7 @@ class FitRun:
         self.even = True
         self.rng = np.random.default_rng(config.seed)
         self.params = params_of(first)
-        self.diagonal = (hull.diagonal if hull is not None
-                         else float(np.linalg.norm(np.ptp(first.means, axis=0))))
+        self.diagonal = hull.diagonal if hull is not None else _diagonal(first)
         self.adam = Adam({**RATES, "means": RATES["means"] * self.diagonal})
         self.density = Density(hull, config.max_gaussians)
         self.start = len(first)
@@ -158,9 +157,10 @@ class FitRun:
         harden = self.config.opacity_weight if done > HARDEN_FROM else 0.0
         losses["opacity"], more = opacity_term(self.params["logit_opacities"], harden)
         grads["logit_opacities"] += more
-        require_finite({**losses, **self.params}, self.name, step)
+        require_finite({**self.params, **losses}, self.name, step)
         require_finite({f"gradient of {key}": value for key, value in grads.items()}, self.name,
                        step)
+        grads["means"] *= np.float32(self.diagonal)  # Adam's epsilon is the same in every unit
         self.adam.rates["means"] = RATES["means"] * self.diagonal * MEANS_END**done
         self.adam.step(self.params, grads if self.even else {"sh0": grads["sh0"]})
         self.density.add(gradients.means2d_abs * (alpha.shape[1] / self.state.width),
@@ -188,3 +188,9 @@ class FitRun:
     def held_out_psnr(self) -> float:
         """Return the mean PSNR over the held-out views in their natural tones."""
         return held_out_psnr(self.gaussians(), self.state, self.natural)
+
+
+def _diagonal(gaussians: Gaussians) -> float:
+    """Return the diagonal of the centres, at least the size of a Gaussian where they coincide."""
+    spread = float(np.linalg.norm(np.ptp(gaussians.means, axis=0)))
+    return max(spread, 2 * float(np.median(gaussians.scales.max(1))))

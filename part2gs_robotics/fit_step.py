@@ -6,9 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from part2gs_robotics.errors import FitError
-from part2gs_robotics.gaussians import SH_C0, Gaussians
+from part2gs_robotics.gaussians import SH_C0, Gaussians, opacities_of
 from part2gs_robotics.image_loss import photometric
 from part2gs_robotics.render import Gradients, Rendered, render, render_backward
+from part2gs_robotics.se3 import unit_quats
 from part2gs_robotics.workspace import Workspace
 
 F32 = NDArray[np.float32]
@@ -16,15 +17,15 @@ Params = dict[str, F32]
 
 
 def params_of(gaussians: Gaussians) -> Params:
-    """Return writable copies of the optimised arrays."""
-    return {"means": gaussians.means.copy(), "quats": gaussians.quats.copy(),
+    """Return writable copies of the optimised arrays, quaternions made unit."""
+    return {"means": gaussians.means.copy(), "quats": unit_quats(gaussians.quats),
             "log_scales": gaussians.log_scales.copy(),
             "logit_opacities": gaussians.logit_opacities.copy(), "sh0": gaussians.sh0.copy()}
 
 
 def gaussians_of(params: Params) -> Gaussians:
     """Return the Gaussians of optimised arrays, quaternions made unit."""
-    quats = params["quats"] / np.linalg.norm(params["quats"], axis=1, keepdims=True)
+    quats = unit_quats(params["quats"])
     return Gaussians(params["means"].copy(), quats.astype(np.float32),
                      params["log_scales"].copy(), params["logit_opacities"].copy(),
                      params["sh0"].copy(), np.zeros((len(quats), 0, 3), np.float32))
@@ -33,7 +34,7 @@ def gaussians_of(params: Params) -> Gaussians:
 def draw(params: Params, viewmat: NDArray[np.float64], intrinsics: NDArray[np.float64],
          width: int, height: int, background: F32, workspace: Workspace | None = None) -> Rendered:
     """Render optimised arrays from one camera."""
-    opacities = 1 / (1 + np.exp(-params["logit_opacities"]))
+    opacities = opacities_of(params["logit_opacities"])
     colors = np.maximum(np.float32(0.5) + np.float32(SH_C0) * params["sh0"], 0)
     return render(params["means"], params["quats"], np.exp(params["log_scales"]), opacities,
                   colors, viewmat, intrinsics, width, height, background=background,
@@ -42,17 +43,18 @@ def draw(params: Params, viewmat: NDArray[np.float64], intrinsics: NDArray[np.fl
 
 def chain(params: Params, gradients: Gradients) -> Params:
     """Carry gradients of activated values to the optimised arrays."""
-    opacities = 1 / (1 + np.exp(-params["logit_opacities"]))
+    opacities = opacities_of(params["logit_opacities"])
     lit = params["sh0"] > np.float32(-0.5 / SH_C0)
-    return {"means": gradients.means, "quats": gradients.quats,
-            "log_scales": gradients.scales * np.exp(params["log_scales"]),
+    with np.errstate(over="ignore", invalid="ignore"):  # `require_finite` says which overflows
+        by_logs = gradients.scales * np.exp(params["log_scales"])
+    return {"means": gradients.means, "quats": gradients.quats, "log_scales": by_logs,
             "logit_opacities": gradients.opacities * opacities * (1 - opacities),
             "sh0": np.where(lit, np.float32(SH_C0) * gradients.colors, 0).astype(np.float32)}
 
 
 def opacity_term(logits: F32, weight: float) -> tuple[float, F32]:
     """Return weight * mean o (1 - o) and its gradient by the logits."""
-    o = 1 / (1 + np.exp(-logits))
+    o = opacities_of(logits)
     spread = o * (1 - o)
     grad = weight / len(o) * spread * (1 - 2 * o)
     return weight * float(spread.mean()), np.asarray(grad, logits.dtype)
@@ -80,8 +82,12 @@ def depth_term(rendered: Rendered, depth: F32, diagonal: float, weight: float,
     return loss, (by_mean / alpha).astype(np.float32), (-by_mean * mean / alpha).astype(np.float32)
 
 
-def require_finite(values: dict[str, float | F32], name: str, step: int) -> None:
-    """Stop with the state, step and term when a loss or parameter is NaN or infinite."""
+def require_finite(values: dict[str, float | NDArray[np.floating]], name: str, step: int) -> None:
+    """Stop with the state, step and term when a loss or parameter is NaN or infinite.
+
+    Raises:
+        FitError: naming the first such term.
+    """
     for term, value in values.items():
         if not np.isfinite(value).all():
             bad = int(np.size(value) - np.isfinite(value).sum())

@@ -10,6 +10,11 @@ from numpy.typing import NDArray
 SH_C0 = 0.28209479177387814  # 1 / (2 sqrt(pi)): the constant spherical harmonic
 
 
+def opacities_of(logits: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Return [N] 1 / (1 + e^-x); logits below -80 count as -80, where e^80 still fits float32."""
+    return np.asarray(1 / (1 + np.exp(-np.maximum(logits, logits.dtype.type(-80)))), logits.dtype)
+
+
 @dataclass(frozen=True)
 class Gaussians:
     """N anisotropic 3-D Gaussians in the world frame, float32.
@@ -42,7 +47,7 @@ class Gaussians:
     @property
     def opacities(self) -> NDArray[np.float32]:
         """[N] in (0, 1)."""
-        return (1.0 / (1.0 + np.exp(-self.logit_opacities))).astype(np.float32)
+        return opacities_of(self.logit_opacities)
 
     @property
     def colors(self) -> NDArray[np.float32]:

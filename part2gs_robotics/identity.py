@@ -12,6 +12,7 @@ from scipy.spatial import cKDTree
 
 from part2gs_robotics.gaussians import Gaussians
 from part2gs_robotics.joints import Joint
+from part2gs_robotics.nearest import tree_of
 from part2gs_robotics.parts import (
     END_TEMPERATURE,
     gaussian_normals,
@@ -179,20 +180,20 @@ def _landings(
 ) -> tuple[I64, I64]:
     """Return per state [K+1, N_s]: the other state's Gaussian where each part lands, -1 if none."""
     points = [g.means.astype(np.float64) for g in gaussians]
-    trees = [cKDTree(p) for p in points]
+    trees = [tree_of(p) for p in points]
     found = []
     for state, moves in ((0, motions), (1, [inverse(m) for m in motions])):
-        other = trees[1 - state]
+        other, kept = trees[1 - state]
         reach = reach_spacings * _spacing(other)
         index = np.stack(
             [other.query(apply(m, points[state]), distance_upper_bound=reach)[1] for m in moves]
         )
-        found.append(np.where(index == other.n, -1, index).astype(np.int64))
+        found.append(np.append(kept, -1)[index].astype(np.int64))  # n stands for none
     return found[0], found[1]
 
 
 def _spacing(tree: cKDTree) -> float:
-    """Return the median distance to the nearest other point (infinite for a single one)."""
+    """Return the median distance between neighbouring places (infinite for a single one)."""
     if tree.n < 2:
         return float("inf")
     return float(np.median(tree.query(tree.data, k=2)[0][:, 1]))

@@ -23,7 +23,8 @@ class Joint:
         pitch: scene units per radian, screw only.
         sigma_axis: standard deviation of the axis direction, rad.
         sigma_origin: standard deviation of the axis position, scene units.
-        sigma_value: standard deviation of `value`.
+        sigma_value: standard deviation of `value`. Of all three: NaN = not estimated,
+            infinite = the photos do not show it; files hold null for both.
         bic: criterion of every joint kind tried, lower is better.
         confidence: 0..1, share of the evidence this joint explains.
     """

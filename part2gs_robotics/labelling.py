@@ -54,7 +54,7 @@ def build_graph(states: tuple[Surfels, Surfels]) -> Graph:
 
 
 @parallel_kernel
-def _sweep(cost: F32, q: F32, neighbors: NDArray[np.int32], weights: F32, temperature: F32,
+def _sweep(cost: F32, q: F32, neighbors: NDArray[np.int32], weights: F32, temperature: np.float32,
            out: F32) -> None:
     """Fill out [N, L] with the labels q after one damped step towards their neighbours'."""
     labels, one, half = cost.shape[1], np.float32(1), np.float32(0.5)

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from part2gs_robotics.evidence import DepthMaps, observe
+from part2gs_robotics.render_jit import inlined, parallel_kernel
 from part2gs_robotics.surfels import Surfels
 
 F64 = NDArray[np.float64]
@@ -62,7 +63,7 @@ def build_landing(
     return Landing(surfels, lo, voxel, index.reshape(shape), free.reshape(shape), claimed, reach)
 
 
-@numba.njit(cache=True, inline="always", fastmath=True)
+@inlined
 def _point_cost(p, n, c, lo, inv, nearest, free, points, normals, colors, claimed, tau2):  # type: ignore[no-untyped-def]
     """Return (cost, index of the surfel met or -1, cost of meeting nothing) of one moved point."""
     i, j, k = (
@@ -102,7 +103,7 @@ def _point_cost(p, n, c, lo, inv, nearest, free, points, normals, colors, claime
     return miss, -1, miss
 
 
-@numba.njit(cache=True, parallel=True, fastmath=True)
+@parallel_kernel
 def _score(moves, points, normals, colors, lo, inv, nearest, free, tp, tn, tc, tk, tau2):  # type: ignore[no-untyped-def]
     out = np.zeros(len(moves))
     for h in numba.prange(len(moves)):
@@ -124,7 +125,7 @@ def _score(moves, points, normals, colors, lo, inv, nearest, free, tp, tn, tc, t
     return out
 
 
-@numba.njit(cache=True, parallel=True, fastmath=True)
+@parallel_kernel
 def _land(m, points, normals, colors, lo, inv, nearest, free, tp, tn, tc, tk, tau2):  # type: ignore[no-untyped-def]
     cost, index, miss = (
         np.zeros(len(points)),

@@ -9,10 +9,10 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-import numpy as np
 import torch
-from scipy.spatial import cKDTree
 from torch import Tensor
+
+from part2gs_robotics.nearest import tree_of
 
 SignedDistance = Callable[[Tensor], Tensor]
 """[..., 3] points -> [...] distance to a surface, negative inside."""
@@ -227,8 +227,8 @@ def best_rotation(points0: Tensor, points1: Tensor, weights: Tensor) -> Tensor:
 
 def _nearest(points: Tensor, cloud: Tensor) -> Tensor:
     """Return [n] indices of the nearest cloud point; matching itself carries no gradient."""
-    _, index = cKDTree(cloud.detach().numpy()).query(points.detach().numpy())
-    return torch.from_numpy(np.asarray(index, np.int64))
+    tree, kept = tree_of(cloud.detach().numpy())
+    return torch.from_numpy(kept[tree.query(points.detach().numpy())[1]])
 
 
 def _length(vectors: Tensor) -> Tensor:

@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from part2gs_robotics.gaussians import Gaussians
+from part2gs_robotics.nearest import tree_of
 from part2gs_robotics.se3 import rotation_from_quats
 
 if TYPE_CHECKING:
@@ -100,7 +100,9 @@ def part_neighbors(
     distance, index = _candidates(
         np.asarray(means, np.float64), min(CANDIDATES * k, len(means) - 1)
     )
-    reach = np.maximum(distance[:, count - 1 : count], np.finfo(np.float64).tiny)
+    # Where k coincide, the others are far: 1e-12 is no distance, and its square no overflow.
+    reach = np.maximum(distance[:, count - 1 : count], 1e-12 * distance[:, -1:])
+    reach = np.maximum(reach, np.finfo(np.float64).tiny)
     cost = (distance / reach) ** 2
     if normals is not None:
         cosine = np.einsum("nc,nkc->nk", normals, normals[index])
@@ -120,7 +122,9 @@ def gaussian_normals(gaussians: Gaussians) -> F64:
 
 def _candidates(means: F64, count: int) -> tuple[F64, I64]:
     """Return distances and indices [N, count] of the nearest others, nearest first."""
-    distance, index = cKDTree(means).query(means, k=count + 1)
+    tree, kept = tree_of(means, count + 1)
+    distance, index = tree.query(means, k=count + 1)
+    index = kept[index]
     own = index == np.arange(len(means))[:, None]
     # among many coincident points a point may miss itself: then drop its farthest candidate
     own[~own.any(1), -1] = True

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from part2gs_robotics import losses, se3
+from part2gs_robotics.fit_step import require_finite
 from part2gs_robotics.joint_fit import move_of
 from part2gs_robotics.joints import Joint
 from part2gs_robotics.repel import joint_gradient, repel_forces, repel_points
@@ -27,14 +28,16 @@ SAMPLE = 1500  # points per part and state: the losses are means, 3 % noise, 20 
 STEPS = 25  # the start is within a degree; Adam moves at most STEPS * RATE
 RATE = 2e-3  # rad and diagonals per step
 PHYS_WEIGHT = 0.1  # method.md 1.5: start value of lambda_phys
+BESIDE = 0.01  # of the diagonal: a surfel speaks for the surface this far beside it
 SWEEP = (0.0, 0.25, 0.5, 0.75, 1.0)  # shares of the joint value at which contact is asked
 
 
 class _Base:
     """Signed distance to the static part: offset from the nearest surfel along its normal."""
 
-    def __init__(self, points: F64, normals: F64) -> None:
-        self.points, self.normals, self.tree = points, normals, cKDTree(points)
+    def __init__(self, points: F64, normals: F64, diag: float) -> None:
+        self.points, self.normals, self.diag = points, normals, diag
+        self.tree = cKDTree(points)
 
     def __call__(self, points: torch.Tensor) -> torch.Tensor:
         if len(self.points) == 0:  # no static surface was seen: nothing to touch
@@ -43,7 +46,8 @@ class _Base:
         gap = points - torch.from_numpy(self.points[index])
         along = (gap * torch.from_numpy(self.normals[index])).sum(-1)
         # Far along the tangent the plane of one surfel says nothing: call it free.
-        far = gap.detach().norm(dim=-1) > 3.0 * along.detach().abs() + 0.01
+        near = 3.0 * along.detach().abs() + BESIDE * self.diag
+        far = gap.detach().norm(dim=-1) > near
         return torch.where(far, along.abs(), along)
 
 
@@ -57,6 +61,9 @@ def physical_steps(
         joints: of parts 1..K.
         hard: [N0 + N1] surfel labels.
         paper: losses as printed.
+
+    Raises:
+        FitError: a loss is NaN or infinite.
     """
     return [_descend(study, joint, k + 1, hard, paper) for k, joint in enumerate(joints)]
 
@@ -69,7 +76,7 @@ def _clouds(study: Study, part: int, hard: NDArray[np.int64]) -> tuple[F64, F64,
         own = study.surfels[s].points[labels[s] == part]
         clouds.append(own[:: max(1, len(own) // SAMPLE)])
     base = study.surfels[0].select(labels[0] == 0)
-    return clouds[0], clouds[1], _Base(base.points, base.normals)
+    return clouds[0], clouds[1], _Base(base.points, base.normals, study.diag)
 
 
 def _descend(study: Study, joint: Joint, part: int, hard: NDArray[np.int64], paper: bool) -> Joint:
@@ -82,11 +89,12 @@ def _descend(study: Study, joint: Joint, part: int, hard: NDArray[np.int64], pap
     value = torch.tensor(joint.value / scale, dtype=torch.float64, requires_grad=True)
     adam = torch.optim.Adam([free, value], lr=RATE)
     first, best, kept = np.inf, np.inf, joint
-    for _ in range(STEPS):
+    for step in range(1, STEPS + 1):
+        numbers = np.append(free.detach().numpy(), value.detach().numpy())
+        require_finite({"joint": numbers}, f"part {part}", step)
         loss = _loss(joint, free, value * scale, (zero, one), base, study, paper)
         score = float(loss.detach())
-        if not np.isfinite(score):
-            break
+        require_finite({"vector field and contact": score}, f"part {part}", step)
         first = min(first, score)
         if score < best:
             best, kept = score, _joint_of(joint, free, value, scale, study.diag)
@@ -174,7 +182,8 @@ def _measure(
     velocity = losses.velocity_loss(
         zero_t[close], torch.from_numpy(one[index[close]]), weights, paper=paper
     )
-    forces = repel_forces(zero, repels, 0.01 * study.diag, paper=paper)
+    # In diagonals: the paper's strength, a volume, is meant for an object of about one unit.
+    forces = study.diag * repel_forces(zero / study.diag, repels / study.diag, 0.01, paper=paper)
     return {
         "contact_loss": float(
             losses.contact_loss(

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import ctypes
 import os
 import stat
 import tempfile
 from collections.abc import Callable
+from importlib import metadata
 from pathlib import Path
 from typing import TypeVar, cast
 
 import numba
 from numba.core import event
 
+TBB = "libtbb.so.12"
 LINE = 64  # bytes of a cache line: buffers of the kernels start at one
 
 F = TypeVar("F", bound=Callable[..., object])
@@ -74,6 +77,22 @@ def ensure_cache_folder() -> None:
         numba.config.CACHE_DIR = os.environ["NUMBA_CACHE_DIR"]
 
 
+def load_scheduler() -> bool:
+    """Load the TBB library where its package is installed, so that Numba's threads use it.
+
+    With OpenMP each parallel loop waits for its slowest thread. On a core that another process
+    uses, that is milliseconds per loop, and a fit has twenty thousand loops. TBB's threads take
+    over the work of one that is not running.
+    """
+    try:
+        files = metadata.files("tbb") or []
+        ctypes.CDLL(str(next(f.locate() for f in files if f.name == TBB)), ctypes.RTLD_GLOBAL)
+    except (metadata.PackageNotFoundError, StopIteration, OSError):
+        return False  # no wheel for this processor: Numba takes OpenMP or its own threads
+    return True
+
+
+load_scheduler()
 ensure_cache_folder()
 CLOCK = event.TimingListener()  # time spent compiling; reading a kept kernel does not count
 event.register("numba:compile", CLOCK)

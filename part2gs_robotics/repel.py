@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from part2gs_robotics.canonical import farthest_point_sample
 from part2gs_robotics.joints import Joint
+from part2gs_robotics.nearest import tree_of
 
 F64 = NDArray[np.float64]
 
@@ -69,7 +69,8 @@ def repel_forces(
     if paper:
         return np.stack([strength * _inverse_square(repels - mu).sum(0) for mu in points])
     count = min(num_nearest, len(repels))
-    _, index = cKDTree(repels).query(points, k=count)
+    tree, kept = tree_of(repels, count)
+    index = kept[tree.query(points, k=count)[1]]
     away = points[:, None] - repels[np.reshape(index, (len(points), count))]
     force = strength * _inverse_square(away).mean(1)
     length = np.linalg.norm(force, axis=1, keepdims=True)
@@ -107,8 +108,8 @@ def _seam(base: F64, part: F64, reach_spacings: float) -> F64:
     if len(base) == 0 or len(part) == 0:
         return np.zeros((0, 3))
     both = np.concatenate([base, part])
-    spacing = float(np.median(cKDTree(both).query(both, k=2)[0][:, 1]))
-    distance, _ = cKDTree(part).query(base)
+    spacing = float(np.median(tree_of(both, 2)[0].query(both, k=2)[0][:, 1]))
+    distance, _ = tree_of(part)[0].query(base)
     return base[distance <= reach_spacings * spacing]
 
 

@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 F64 = NDArray[np.float64]
 SMALL_ANGLE = 1e-6  # below: Taylor series, whose next term is < 1e-13, float64's own error
+SHORT = 1e-16  # of a quaternion: the squares of shorter ones lose digits in float32
 
 
 def hat(w: F64) -> F64:
@@ -65,10 +66,16 @@ def quat_from_rotation(rot: F64) -> F64:
     return np.array([w, x, y, z]) * (1.0 if w >= 0 else -1.0)
 
 
+def unit_quats(quats: NDArray[np.floating]) -> NDArray[np.floating]:
+    """Return [..., 4] unit quaternions; one shorter than SHORT has no direction: identity."""
+    norm = np.linalg.norm(quats, axis=-1, keepdims=True)
+    unit = quats / np.maximum(norm, quats.dtype.type(SHORT))
+    return np.where(norm > SHORT, unit, np.array([1, 0, 0, 0], quats.dtype))
+
+
 def rotation_from_quats(quats: NDArray[np.floating]) -> NDArray[np.floating]:
     """Return [N, 3, 3] rotations of [N, 4] quaternions wxyz (normalised here)."""
-    q = quats / np.linalg.norm(quats, axis=-1, keepdims=True)
-    w, x, y, z = np.moveaxis(q, -1, 0)
+    w, x, y, z = np.moveaxis(unit_quats(quats), -1, 0)
     rows = [
         1 - 2 * (y * y + z * z),
         2 * (x * y - w * z),
@@ -80,7 +87,7 @@ def rotation_from_quats(quats: NDArray[np.floating]) -> NDArray[np.floating]:
         2 * (y * z + w * x),
         1 - 2 * (x * x + y * y),
     ]
-    return np.stack(rows, -1).reshape(*q.shape[:-1], 3, 3)
+    return np.stack(rows, -1).reshape(*quats.shape[:-1], 3, 3)
 
 
 def quat_multiply(a: NDArray[np.floating], b: NDArray[np.floating]) -> NDArray[np.floating]:

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from part2gs_robotics.errors import FitError
 from part2gs_robotics.evidence import DepthMaps, observe, render_depth_maps
 from part2gs_robotics.gaussians import Gaussians
 from part2gs_robotics.labelling import Graph, build_graph
@@ -69,16 +70,23 @@ class Study:
 
 
 def gather(scene: Scene, gaussians: tuple[Gaussians, Gaussians]) -> Study:
-    """Return the study of two fitted states."""
+    """Return the study of two fitted states.
+
+    Raises:
+        FitError: a state's Gaussians show no surface.
+    """
     maps = (
         render_depth_maps(gaussians[0], scene.states[0]),
         render_depth_maps(gaussians[1], scene.states[1]),
     )
-    solid = np.concatenate([g.means[g.opacities > 0.5] for g in gaussians]).astype(np.float64)
+    opaque = [g.means[g.opacities > 0.5] for g in gaussians]
+    _require_surface(*opaque)
+    solid = np.concatenate(opaque).astype(np.float64)
     rough = float(
         np.linalg.norm(np.quantile(solid, 0.998, axis=0) - np.quantile(solid, 0.002, axis=0))
     )
     surfels = [_own_surface(maps[s], scene.states[s].images, rough) for s in (0, 1)]
+    _require_surface(surfels[0].points, surfels[1].points)
     points = np.concatenate([s.points for s in surfels])
     lo, hi = points.min(0), points.max(0)
     diag = float(np.linalg.norm(hi - lo))
@@ -116,6 +124,13 @@ def gather(scene: Scene, gaussians: tuple[Gaussians, Gaussians]) -> Study:
         (lo, hi),
         diag,
     )
+
+
+def _require_surface(*states: NDArray[np.floating]) -> None:
+    for s, points in enumerate(states):
+        if not len(points):
+            raise FitError(f"state {s}: the fitted Gaussians show no surface. Expected one that "
+                           f"{MIN_VIEWS} views see; check the poses and the scale of the scene.")
 
 
 def _own_surface(maps: DepthMaps, images: NDArray[np.uint8], diag: float) -> Surfels:

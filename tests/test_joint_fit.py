@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from part2gs_robotics import se3
-from part2gs_robotics.joint_fit import choose_joint, move_of, parameters, perturbed
+from part2gs_robotics.joint_fit import choose_joint, hinge_price, move_of, parameters, perturbed
 from part2gs_robotics.joints import Joint
 from part2gs_robotics.landing import build_landing
 from part2gs_robotics.motion_search import Hypothesis
@@ -93,3 +93,15 @@ def test_a_slide_found_as_a_small_far_turn_becomes_a_slide(slid):
     joint = choose_joint(far, own, lands, TAU, DIAG, 0.5)
     assert joint.kind == "prismatic"
     assert np.degrees(np.arccos(min(1.0, joint.axis @ slid.axis))) < 2.0
+
+
+@pytest.mark.parametrize(("arm", "angle", "saved", "wins"), [
+    (0.0, 1.0, 0.05, True),  # a line at the part, a large turn: a hinge
+    (0.0, 0.05, 0.05, True),  # 50 of 1000: more than the price of a small turn
+    (2.0, 0.05, 0.05, False),  # far away: bent depth saves as much
+    (2.0, 0.05, 0.45, True),
+])
+def test_a_far_hinge_must_explain_a_share_of_what_a_slide_leaves(arm, angle, saved, wins):
+    slide = 1000.0
+    turn = slide * (1 - saved) + hinge_price(arm * DIAG, angle, slide, DIAG)
+    assert (turn < slide) is wins

@@ -89,8 +89,8 @@ def test_steps_lower_the_misfit_of_a_joint_that_is_off():
 
 def test_the_distance_to_the_base_is_signed_along_its_normals():
     floor = sheet((0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1))
-    base = _Base(floor.points, floor.normals)
+    base = _Base(floor.points, floor.normals, 1.0)
     points = torch.tensor([[0.5, 0.5, 0.2], [0.5, 0.5, -0.2], [9.0, 0.5, -0.01]]).double()
     assert base(points).tolist() == pytest.approx([0.2, -0.2, 0.01])  # far beside it: free
-    empty = _Base(np.zeros((0, 3)), np.zeros((0, 3)))
+    empty = _Base(np.zeros((0, 3)), np.zeros((0, 3)), 1.0)
     assert torch.isinf(empty(points)).all()

@@ -63,3 +63,13 @@ def test_compiling_is_timed_and_kept(tmp_path: Path) -> None:
         assert Path(folder) == tmp_path
     assert seconds[0] > 0.05  # LLVM takes tenths of a second
     assert seconds[1] == 0.0  # read from the folder
+
+
+def test_threads_are_scheduled_by_tbb_where_it_is_installed() -> None:
+    script = ("import numpy as np, numba\nfrom part2gs_robotics import render_jit, sh\n"
+              "z = np.zeros((1, 3)); sh.sh_colors(z, z, np.zeros((1, 0, 3)), np.ones(3))\n"
+              "print(render_jit.load_scheduler(), numba.threading_layer())")
+    done = subprocess.run([sys.executable, "-c", script], text=True, capture_output=True,
+                          check=True)
+    loaded, layer = done.stdout.split()
+    assert (layer == "tbb") == (loaded == "True")
