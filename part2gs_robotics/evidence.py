@@ -72,7 +72,7 @@ class Observation:
 
 
 @kernel
-def _vote(depth, row, col, near, far):  # type: ignore[no-untyped-def]
+def _vote(depth: NDArray[np.floating], row: int, col: int, near: float, far: float) -> int:
     """Return 0 free, 1 surface, 2 hidden, 3 background, 4 no vote, from 2 x 2 pixels.
 
     Background pixels hold +inf, unknown ones NaN, which fails every comparison.
@@ -91,7 +91,9 @@ def _vote(depth, row, col, near, far):  # type: ignore[no-untyped-def]
 
 
 @parallel_kernel
-def _observe(points, depths, projections, tolerance, counts):  # type: ignore[no-untyped-def]
+def _observe(points: NDArray[np.floating], depths: NDArray[np.floating],
+             projections: NDArray[np.floating], tolerance: float, counts: NDArray[np.integer],
+             ) -> None:
     num, height, width = points.shape[0], depths.shape[1], depths.shape[2]
     for chunk in numba.prange((num + CHUNK - 1) // CHUNK):
         for v in range(depths.shape[0]):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numba
 import numpy as np
@@ -64,7 +65,9 @@ def build_landing(
 
 
 @inlined
-def _point_cost(p, n, c, lo, inv, nearest, free, points, normals, colors, claimed, tau2):  # type: ignore[no-untyped-def]
+def _point_cost(p: F64, n: F64, c: F64, lo: F64, inv: float, nearest: NDArray[np.integer],
+                free: NDArray[np.generic], points: F64, normals: F64, colors: F64,
+                claimed: NDArray[np.generic], tau2: float) -> tuple[float, int, float]:
     """Return (cost, index of the surfel met or -1, cost of meeting nothing) of one moved point."""
     i, j, k = (
         int(np.floor((p[0] - lo[0]) * inv)),
@@ -104,7 +107,9 @@ def _point_cost(p, n, c, lo, inv, nearest, free, points, normals, colors, claime
 
 
 @parallel_kernel
-def _score(moves, points, normals, colors, lo, inv, nearest, free, tp, tn, tc, tk, tau2):  # type: ignore[no-untyped-def]
+def _score(moves: F64, points: F64, normals: F64, colors: F64, lo: F64, inv: float,
+           nearest: NDArray[np.integer], free: NDArray[np.generic], tp: F64, tn: F64, tc: F64,
+           tk: NDArray[np.generic], tau2: float) -> F64:
     out = np.zeros(len(moves))
     for h in numba.prange(len(moves)):
         m = moves[h]
@@ -126,7 +131,9 @@ def _score(moves, points, normals, colors, lo, inv, nearest, free, tp, tn, tc, t
 
 
 @parallel_kernel
-def _land(m, points, normals, colors, lo, inv, nearest, free, tp, tn, tc, tk, tau2):  # type: ignore[no-untyped-def]
+def _land(m: F64, points: F64, normals: F64, colors: F64, lo: F64, inv: float,
+          nearest: NDArray[np.integer], free: NDArray[np.generic], tp: F64, tn: F64, tc: F64,
+          tk: NDArray[np.generic], tau2: float) -> tuple[F64, NDArray[np.int64], F64]:
     cost, index, miss = (
         np.zeros(len(points)),
         np.zeros(len(points), np.int64),
@@ -145,7 +152,7 @@ def _land(m, points, normals, colors, lo, inv, nearest, free, tp, tn, tc, tk, ta
     return cost, index, miss
 
 
-def _arguments(target: Landing, tau: float) -> tuple[object, ...]:
+def _arguments(target: Landing, tau: float) -> tuple[Any, ...]:
     s = target.surfels
     return (
         target.lo,
