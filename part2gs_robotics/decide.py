@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from part2gs_robotics import se3
 from part2gs_robotics.cross_render import both_cost
 from part2gs_robotics.labelling import Unary, label, unary_costs
 from part2gs_robotics.landing import unclaimed
@@ -18,6 +19,8 @@ from part2gs_robotics.study import Study
 F64 = NDArray[np.float64]
 PART_PRICE = 0.003  # of cost per object pixel plus cost per surfel: what one more part must save
 PART_SHARE = 0.015  # of the cost left: what noise saves grows with it
+SLOW = 0.03  # of the diagonal: bent depth looks like parts that move less (seen: 1.6 %)
+SLOW_SHARE = 0.027  # of the cost left, with such a part: the bend of a bin's lid saved 2.3 %
 DOUBT = 0.5  # of the price: what saves this much is tuned before it is turned down
 INCOHERENT = 0.05  # while parts are missing one motion must hide the others' surfels as well
 TUNE_ROUNDS = 3  # the third seldom changes anything
@@ -130,6 +133,15 @@ class Judge:
         )
         return Verdict(tuple(motions), hard, surfel_cost, image, self.coherent(motions, hard))
 
+    def price(self, grown: Verdict, left: float) -> float:
+        """Return what one more part must save of the cost left: more if a part hardly moves."""
+        points = np.concatenate([s.points for s in self.study.surfels])
+        moved = [np.linalg.norm(se3.apply(h.move, own) - own, axis=1).mean()
+                 for k, h in enumerate(grown.motions)
+                 if len(own := points[grown.hard == k + 1])]
+        slow = min(moved, default=0.0) < SLOW * self.study.diag
+        return max(PART_PRICE, (SLOW_SHARE if slow else PART_SHARE) * left)
+
     def confidence(self, verdict: Verdict, k: int) -> float:
         """Return the share of motion k's surfels that no other label explains as well."""
         columns = [self.static, *(self._column(h) for h in verdict.motions)]
@@ -175,7 +187,7 @@ def decide(
     while pool and (parts is None or len(best.motions) < parts):
         grown = judge.polished(judge.best_of([[*best.motions, h] for h in pool], best))
         grown = _swap(judge, grown, pool) if len(grown.motions) > 1 else grown
-        price = 0.0 if parts is not None else max(PART_PRICE, PART_SHARE * best.cost)
+        price = 0.0 if parts is not None else judge.price(grown, best.cost)
         if price > best.cost - grown.cost > DOUBT * price and grown.coherent:
             # A drawer with nearly its length saves part of what it will: judge it at its best.
             grown = tune(judge, grown, say)

@@ -13,6 +13,8 @@ from part2gs_robotics.decide import (
     INCOHERENT,
     MIN_SURFELS,
     PART_PRICE,
+    PART_SHARE,
+    SLOW_SHARE,
     Judge,
     Verdict,
     decide,
@@ -195,3 +197,12 @@ def test_sets_that_help_both_come_first(judge, look_alikes, right):
     assert not judge.judge(wrong).improves(right)
     best = judge.best_of([wrong, list(look_alikes.truth)], judge.judge([]))
     assert best.motions == tuple(look_alikes.truth)
+
+
+def test_a_part_that_hardly_moves_must_save_more(judge, look_alikes, right):
+    fast = judge.price(right, 1.0)
+    crawl = [slide(X, 0.01 * look_alikes.study.diag), look_alikes.truth[1]]
+    slow = replace(right, motions=tuple(crawl))
+    assert fast == pytest.approx(PART_SHARE)
+    assert judge.price(slow, 1.0) == pytest.approx(SLOW_SHARE)
+    assert judge.price(right, 0.0) == PART_PRICE

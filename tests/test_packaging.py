@@ -112,7 +112,7 @@ def test_the_wheel_holds_one_package_and_the_ros_files(tmp_path: Path) -> None:
     command = [sys.executable, "-m", "pip", "wheel", "-q", "--no-deps", "--no-build-isolation"]
     subprocess.run([*command, "-w", ".", "./source"], cwd=tmp_path, check=True, capture_output=True)
     (wheel,) = tmp_path.glob("*.whl")
-    assert wheel.stat().st_size < 300_000
+    assert wheel.stat().st_size < 500_000  # Python files alone; scenes and pictures are megabytes
     names = zipfile.ZipFile(wheel).namelist()
     tops = {name.partition("/")[0] for name in names}
     release = f"part2gs_robotics-{part2gs_robotics.__version__}"
