@@ -19,8 +19,9 @@ from part2gs_robotics.study import Study
 F64 = NDArray[np.float64]
 PART_PRICE = 0.003  # of cost per object pixel plus cost per surfel: what one more part must save
 PART_SHARE = 0.015  # of the cost left: what noise saves grows with it
-SLOW = 0.03  # of the diagonal: bent depth looks like parts that move less (seen: 1.6 %)
+SLOW = 0.04  # of the diagonal: bent depth looks like parts that move less (seen: 3 %)
 SLOW_SHARE = 0.027  # of the cost left, with such a part: the bend of a bin's lid saved 2.3 %
+AGAINST = 0.01  # of a cost: less is noise of the labelling; a bin's false lid landed 1.8 % worse
 DOUBT = 0.5  # of the price: what saves this much is tuned before it is turned down
 INCOHERENT = 0.05  # while parts are missing one motion must hide the others' surfels as well
 TUNE_ROUNDS = 3  # the third seldom changes anything
@@ -55,12 +56,14 @@ class Verdict:
         return self.surfel_cost + self.image_cost + (0.0 if self.coherent else INCOHERENT)
 
     def improves(self, other: Verdict) -> bool:
-        """Return whether surfels and images both speak for this set.
+        """Return whether this set costs less and neither surfels nor images speak against it.
 
         A false part can show the photos what one state never saw, such as the inside of a lid, by
         moving something else there; then surfels land worse. A true part helps both.
         """
-        return self.surfel_cost < other.surfel_cost and self.image_cost < other.image_cost
+        return (self.surfel_cost + self.image_cost < other.surfel_cost + other.image_cost
+                and self.surfel_cost < (1 + AGAINST) * other.surfel_cost
+                and self.image_cost < (1 + AGAINST) * other.image_cost)
 
 
 class Judge:
@@ -195,7 +198,7 @@ def decide(
         say(f"{len(grown.motions)} parts: cost {grown.cost:.4f}, {gain:.4f} less; "
             f"price {price:.4f}")
         if parts is None and (gain < price or not grown.improves(best)):
-            say("surfels and images do not both gain by it" if gain >= price else "not worth it")
+            say("surfels or images speak against it" if gain >= price else "not worth it")
             break
         best, solid = grown, grown if grown.coherent else solid
     if solid is not best:

@@ -201,7 +201,7 @@ def test_sets_that_help_both_come_first(judge, look_alikes, right):
 
 def test_a_part_that_hardly_moves_must_save_more(judge, look_alikes, right):
     fast = judge.price(right, 1.0)
-    crawl = [slide(X, 0.01 * look_alikes.study.diag), look_alikes.truth[1]]
+    crawl = [slide(X, 0.02 * look_alikes.study.diag), look_alikes.truth[1]]
     slow = replace(right, motions=tuple(crawl))
     assert fast == pytest.approx(PART_SHARE)
     assert judge.price(slow, 1.0) == pytest.approx(SLOW_SHARE)
