@@ -47,6 +47,7 @@ def align(
     views: tuple[SmallViews, SmallViews],
     diag: float,
     first_blur: int = 0,
+    deviations: bool = True,
 ) -> list[Joint]:
     """Return the joints after direct alignment against both states' views.
 
@@ -57,12 +58,15 @@ def align(
         views: images of both states.
         diag: diagonal of the object in scene units.
         first_blur: of BLURS; later ones suffice for joints that are nearly right.
+        deviations: whether to estimate standard deviations; no need where joints change again.
     """
     for blur in BLURS[first_blur:]:
         for _ in range(STEPS):
             pairs = _systems(gaussians, labels, joints, views, diag, blur)
             systems = [weighed(*pair) for pair in pairs]
             joints = [perturbed(j, solved(s), diag) for j, s in zip(joints, systems, strict=True)]
+    if not deviations:
+        return joints
     pairs = _systems(gaussians, labels, joints, views, diag, BLURS[-1], patches=True)
     true = _true_curvatures(gaussians, labels, joints, views, diag)
     return [

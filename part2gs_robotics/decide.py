@@ -19,8 +19,8 @@ from part2gs_robotics.study import Study
 F64 = NDArray[np.float64]
 PART_PRICE = 0.003  # of cost per object pixel plus cost per surfel: what one more part must save
 PART_SHARE = 0.015  # of the cost left: what noise saves grows with it
-SLOW = 0.04  # of the diagonal: bent depth looks like parts that move less (seen: 3 %)
-SLOW_SHARE = 0.027  # of the cost left, with such a part: the bend of a bin's lid saved 2.3 %
+SLOW = 0.05  # of the diagonal: bent depth looks like parts that move less (seen: 4.3 %)
+SLOW_SHARE = 0.027  # of the cost left, with such a part: the bend of a bin saved 2.0 to 2.3 %
 AGAINST = 0.01  # of a cost: less is noise of the labelling; a bin's false lid landed 1.8 % worse
 DOUBT = 0.5  # of the price: what saves this much is tuned before it is turned down
 INCOHERENT = 0.05  # while parts are missing one motion must hide the others' surfels as well

@@ -16,12 +16,12 @@ def power8(t: Lane) -> Lane:
 
     Float32: five multiply-adds and three squarings, relative error below 2e-6.
     """
-    raise NotImplementedError  # compiled code only, as the function below
+    return np.exp(8 * t)  # outside of compiled code; the overload below is what kernels call
 
 
 def log_above_one(a: Lane) -> Lane:
     """Return ln(a) for a >= 1 in every lane; float32: absolute error below 1e-6 up to a = e."""
-    raise NotImplementedError
+    return np.log(a)
 
 
 @overload(power8, strict=False)  # the signatures differ in annotations

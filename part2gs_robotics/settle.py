@@ -65,7 +65,8 @@ def _alternate(
     study = judge.study
     for turn in range(ROUNDS):
         labels = study.gaussian_labels(hard)
-        joints = align(study.gaussians, labels, joints, views, study.diag, FINE if turn else blur)
+        joints = align(study.gaussians, labels, joints, views, study.diag, FINE if turn else blur,
+                       deviations=False)
         verdict = judge.judge([_hypothesis(j) for j in joints])
         hard, _ = claim(judge, joints, verdict.hard)
         verdict = replace(verdict, hard=hard)
