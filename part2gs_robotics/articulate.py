@@ -9,7 +9,7 @@ from __future__ import annotations
 import logging
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -22,7 +22,7 @@ from part2gs_robotics.joints import Joint
 from part2gs_robotics.scene import Scene
 
 if TYPE_CHECKING:
-    from part2gs_robotics.decide import Verdict
+    from part2gs_robotics.decide import Judge, Verdict
     from part2gs_robotics.motion_search import Hypothesis
     from part2gs_robotics.study import Study
 
@@ -33,7 +33,6 @@ POOL_TOP = 12  # hypotheses that are also tried on the object's own directions
 MIN_EVIDENCE = 0.004  # of all surfels: less is noise, nothing moved
 ALIGN_VIEWS = 32  # per state; 60 would halve the standard deviations at twice the time
 ALIGN_SIDE = 256  # pixels: 0.1 deg of a door of 80 pixels is 0.14 pixel, averaged over the views
-COST_TO_NATS = 8.0  # a contradiction (1.0) is 3,000 times less likely than a match (0)
 
 
 @dataclass(frozen=True)
@@ -77,9 +76,20 @@ def articulate(
     Raises:
         FitError: nothing moves between the states.
     """
+    study, verdict, clock = found_motions(scene, gaussians, config, progress)
+    return settled_motion(scene, study, verdict, config, clock)
+
+
+def found_motions(
+    scene: Scene,
+    gaussians: tuple[Gaussians, Gaussians],
+    config: ArticulateConfig,
+    progress: Callable[[int, int, float], None] | None = None,
+) -> tuple[Study, Verdict, Clock]:
+    """Return the study of both states and the motions that were decided on: the first half."""
     from part2gs_robotics.study import gather
 
-    clock = _Clock(progress)
+    clock = Clock(progress)
     study = gather(scene, gaussians)
     moved = len(study.evidence.vacated) + len(study.evidence.arrived)
     total = len(study.surfels[0]) + len(study.surfels[1])
@@ -95,16 +105,17 @@ def articulate(
     clock.tick("search", 2)
     verdict = _decide(study, pool, config.parts, scene)
     clock.tick("decision", 3, len(verdict.motions))
-    return _finish(scene, study, verdict, config, clock)
+    return study, verdict, clock
 
 
-class _Clock:
+class Clock:
     """Seconds of every step, and progress."""
 
     def __init__(self, progress: Callable[[int, int, float], None] | None) -> None:
         self.progress, self.last, self.seconds = progress, time.monotonic(), dict[str, float]()
 
     def tick(self, name: str, step: int, parts: int = 0) -> None:
+        """Note the seconds since the last tick, and tell how far the room is."""
         now = time.monotonic()
         self.seconds[name], self.last = now - self.last, now
         if self.progress:
@@ -141,19 +152,50 @@ def _decide(study: Study, pool: list[Hypothesis], parts: int | None, scene: Scen
     return verdict
 
 
-def _finish(
-    scene: Scene, study: Study, verdict: Verdict, config: ArticulateConfig, clock: _Clock
+def settled_motion(
+    scene: Scene, study: Study, verdict: Verdict, config: ArticulateConfig, clock: Clock
 ) -> Motion:
+    """Return joints and part identities of the motions that were decided on: the second half."""
     from part2gs_robotics.align import judged
     from part2gs_robotics.decide import Judge
-    from part2gs_robotics.identity import refine_identities
-    from part2gs_robotics.joint_fit import choose_joint
+    from part2gs_robotics.part_labels import labels_under, part_probs, start_labels
     from part2gs_robotics.physics_terms import part_diagnostics, physical_steps
-    from part2gs_robotics.reach import claim
     from part2gs_robotics.settle import settle
     from part2gs_robotics.small_views import small_views
 
-    judge, n0 = Judge(study), len(study.surfels[0])
+    judge = Judge(study)
+    verdict = replace(verdict, hard=start_labels(judge, verdict, config))
+    start = _joints(judge, verdict)
+    views = (
+        small_views(scene.states[0], ALIGN_VIEWS, ALIGN_SIDE),
+        small_views(scene.states[1], ALIGN_VIEWS, ALIGN_SIDE),
+    )
+    hard, _ = labels_under(judge, start, verdict.hard, config)
+    joints = pulled = physical_steps(study, start, hard, config)
+    if pulled is not start and not config.paper_mode:  # the paper refines by its losses alone
+        joints = judged(study.gaussians, study.gaussian_labels(hard), start, pulled, views)
+    kept = [{"physics_kept": float(new is not old)} for new, old in zip(joints, start, strict=True)]
+    if config.alignment and not config.paper_mode:
+        joints, hard = settle(judge, joints, hard, views)
+    clock.tick("alignment", 4, len(joints))
+    hard, costs = labels_under(judge, joints, hard, config)
+    probs = part_probs(study, joints, costs, hard, config)
+    diagnostics, notes = part_diagnostics(study, joints, hard, config.paper_mode)
+    diagnostics = tuple({**row, **pull} for row, pull in zip(diagnostics, kept, strict=True))
+    if config.parts and config.parts != len(joints):
+        notes = (*notes, f"--parts asks for {config.parts} moving parts; only {len(joints)} are "
+                 "rigid bodies of their own, the others were left out.")
+    clock.tick("identity", 5, len(joints))
+    return Motion(
+        (probs[0], probs[1]), tuple(joints), (0,) * len(joints), diagnostics, notes, clock.seconds
+    )
+
+
+def _joints(judge: Judge, verdict: Verdict) -> list[Joint]:
+    """Return the joint that explains every motion's surfels best."""
+    from part2gs_robotics.joint_fit import choose_joint
+
+    study, n0 = judge.study, len(judge.study.surfels[0])
     joints = []
     for k, h in enumerate(verdict.motions):
         own = (
@@ -163,30 +205,4 @@ def _finish(
         joints.append(
             choose_joint(h, own, judge.lands, study.tau, study.diag, judge.confidence(verdict, k))
         )
-    views = (
-        small_views(scene.states[0], ALIGN_VIEWS, ALIGN_SIDE),
-        small_views(scene.states[1], ALIGN_VIEWS, ALIGN_SIDE),
-    )
-    hard, _ = claim(judge, joints, verdict.hard)
-    labels = study.gaussian_labels(hard)
-    pulled = physical_steps(study, joints, hard, config.paper_mode)
-    if config.paper_mode:  # the paper refines the joints by its losses alone
-        joints = pulled
-    else:
-        joints = judged(study.gaussians, labels, joints, pulled, views)
-        joints, hard = settle(judge, joints, hard, views)
-    clock.tick("alignment", 4, len(joints))
-    hard, costs = claim(judge, joints, hard)
-    unary = [
-        COST_TO_NATS * costs[:n0][study.nearest[0]],
-        COST_TO_NATS * costs[n0:][study.nearest[1]],
-    ]
-    probs = refine_identities(unary[0], unary[1], study.gaussians, joints)
-    diagnostics, notes = part_diagnostics(study, joints, hard, config.paper_mode)
-    if config.parts and config.parts != len(joints):
-        notes = (*notes, f"--parts asks for {config.parts} moving parts; only {len(joints)} are "
-                 "rigid bodies of their own, the others were left out.")
-    clock.tick("identity", 5, len(joints))
-    return Motion(
-        (probs[0], probs[1]), tuple(joints), (0,) * len(joints), diagnostics, notes, clock.seconds
-    )
+    return joints

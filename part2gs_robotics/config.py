@@ -72,7 +72,21 @@ class ArticulateConfig:
     parts: int | None = None
     """number of moving parts; searched when absent"""
     paper_mode: bool = False
-    """losses exactly as the paper prints them, instead of the corrected ones"""
+    """every term that is on exactly as the paper prints it, instead of the corrected one"""
+    identity: bool = True
+    """neighbours and both states share out the parts; off: the motion that lands a point best"""
+    articulation: bool = False
+    """pull joints by matched points and the rigid turn of their pairs"""
+    repel: bool = False
+    """push parts away from the seam with the base by repel points"""
+    contact: bool = True
+    """pull joints so that parts do not enter the base on their way"""
+    velocity: bool = False
+    """pull joints so that the points of a part move as one body"""
+    vector_field: bool = True
+    """pull joints so that the points of a part land on the other state's surface"""
+    alignment: bool = True
+    """align joints to the images by second-order steps; never in paper mode"""
     seed: int = 0
     """seed of every random choice; CPU builds repeat bit for bit"""
 
@@ -121,8 +135,7 @@ class Config:
     output: OutputConfig = field(default_factory=OutputConfig)
 
 
-# standard is what the dataclasses say
-PRESETS: dict[str, dict[str, Value]] = {
+PRESETS: dict[str, dict[str, Value]] = {  # standard is what the dataclasses say
     "draft": {"max_side": 320, "steps": 400, "half_steps": 250, "start_gaussians": 9_000,
               "max_gaussians": 14_000, "hull_resolution": 128, "resolution": 128},
     "standard": {},

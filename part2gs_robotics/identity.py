@@ -55,6 +55,15 @@ class IdentityConfig:
     """See `parts.part_neighbors`."""
     reach_spacings: float = 2.0
     """A moved Gaussian agrees with the other state within this many median spacings."""
+    annealed: bool = True
+    """Cool the softmax and end with hard labels; False = temperature 1 throughout."""
+
+
+# Eq. 4 as printed: neighbours by distance alone, nothing between the states, no annealing. Evidence
+# stays, in place of the rendering loss that trains the paper's embeddings; its lambda_part is
+# unknown, 0.1 is the weight its nearest published kin use.
+PAPER = IdentityConfig(part_weight=0.1, cross_weight=0.0, floor=1e-6, normal_weight=0.0,
+                       color_weight=0.0, annealed=False)
 
 
 def refine_identities(
@@ -93,6 +102,8 @@ def refine_identities(
     graphs = [_graph(g, config) for g in gaussians]
     landings = _landings(gaussians, part_motions(joints, parents), config.reach_spacings)
     probs = _optimised(unary, landings, graphs, config)
+    if not config.annealed:
+        return probs[0], probs[1]
     return _posterior(probs, unary, landings, graphs, config)
 
 
@@ -131,18 +142,19 @@ def part_motions(joints: Sequence[Joint], parents: Sequence[int] | None = None) 
 def _optimised(
     unary: list[F32], landings: tuple[I64, I64], graphs: list[csr_array], config: IdentityConfig
 ) -> list[F32]:
-    """Return one-hot identities [N_s, K+1] after the soft and the hard steps."""
+    """Return identities [N_s, K+1] after the soft and the hard steps; one-hot if annealed."""
     embeddings = [-u for u in unary]
     memory = [(np.zeros_like(u), np.zeros_like(u)) for u in unary]
     probs = [_softmax(e) for e in embeddings]
     for step in range(config.num_steps):
-        if is_hard(step, config.num_steps):
+        hard = config.annealed and is_hard(step, config.num_steps)
+        if hard:
             probs = [_one_hot(p.argmax(1), p.shape[1]) for p in probs]
         support = [_support(landings[s], probs[1 - s]) for s in (0, 1)]
         costs = [u - config.cross_weight * s for u, s in zip(unary, support, strict=True)]
-        temperature = part_temperature(step, config.num_steps)
+        temperature = part_temperature(step, config.num_steps) if config.annealed else 1.0
         for s in (0, 1):
-            if is_hard(step, config.num_steps):
+            if hard:
                 probs[s] = _relabelled(probs[s], costs[s], graphs[s], config, step)
                 continue
             _, gradient = soft_objective(embeddings[s], costs[s], graphs[s], config, temperature)

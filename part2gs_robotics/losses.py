@@ -13,6 +13,7 @@ import torch
 from torch import Tensor
 
 from part2gs_robotics.nearest import tree_of
+from part2gs_robotics.repel import NUM_NEAREST, REPEL_EPSILON, REPEL_STRENGTH
 
 SignedDistance = Callable[[Tensor], Tensor]
 """[..., 3] points -> [...] distance to a surface, negative inside."""
@@ -87,22 +88,67 @@ def contact_loss(
     return _mean(torch.relu(-margin - sdf(flat)).square())
 
 
-def velocity_loss(points0: Tensor, points1: Tensor, weights: Tensor, paper: bool = False) -> Tensor:
+def repel_loss(
+    points: Tensor,
+    repels: Tensor,
+    voxel: float,
+    strength: float = REPEL_STRENGTH,
+    num_nearest: int = NUM_NEAREST,
+) -> Tensor:
+    """Return the energy whose force is the corrected push of eq. 5, a scalar in units^2.
+
+    Mean over the points, and over the nearest repel points of each, of k_r / s where the push
+    k_r / s^2 is below half a voxel, a straight line with that slope nearer by. The printed form
+    has no loss: it moves single Gaussians, see `repel.repel_forces`.
+
+    Args:
+        points: [n, 3] moving part.
+        repels: [M, 3] of `repel.repel_points`.
+        voxel: resolution of the scene; bounds the push.
+        strength: k_r.
+        num_nearest: repel points that count for one point.
+
+    Source: Part2GS eq. 5 with the sign turned; minus its gradient is `repel.repel_forces` / n.
+    """
+    count = min(num_nearest, len(repels))
+    if count == 0 or len(points) == 0:
+        return points.sum() * 0.0
+    tree, kept = tree_of(repels.detach().numpy(), count)
+    index = kept[tree.query(points.detach().numpy(), k=count)[1]].reshape(len(points), count)
+    squared = (points[:, None] - repels[torch.from_numpy(index)]).square().sum(-1)
+    length = (squared + REPEL_EPSILON**2).sqrt()
+    steepest = 0.5 * voxel
+    near = (strength / steepest) ** 0.5
+    line = strength / near + steepest * (near - length)
+    return torch.where(length < near, line, strength / length).mean()
+
+
+def velocity_loss(
+    points0: Tensor,
+    points1: Tensor,
+    weights: Tensor,
+    paper: bool = False,
+    rotations: Tensor | None = None,
+) -> Tensor:
     """Return the sum over parts of the spread of their motion (eq. 8), units^2.
 
     Paper: variance of the displacement; 4 sin^2(theta/2) w^2/12 for a perfect turn of a door of
-    width w. Corrected: variance of what the best rigid fit leaves, 0 for every rigid motion.
+    width w. Corrected: variance of what a turn leaves, 0 for every rigid motion that turns so.
 
     Args:
         points0: [n, 3] in state 0.
         points1: [n, 3] the same points in state 1.
         weights: [n, K].
         paper: True = as printed.
+        rotations: [K, 3, 3] turns of the parts, corrected form only; None = best rigid fits, which
+            tell how rigidly the points move but pull on no joint.
     """
     total = points0.sum() * 0.0
-    for part in weights.T:
+    for k, part in enumerate(weights.T):
         rotation = torch.eye(3, dtype=points0.dtype)
-        if not paper:
+        if rotations is not None and not paper:
+            rotation = rotations[k]
+        elif not paper:
             # constant in the gradient: the fit is a minimum, where its derivative vanishes
             rotation = best_rotation(points0, points1, part)
         residual = points1 - points0 @ rotation.T

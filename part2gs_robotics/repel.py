@@ -52,7 +52,7 @@ def repel_forces(
 
     Paper: sum_j k_r (r_j - mu) / |r_j - mu|^3, which draws mu TOWARDS r_j (magnitude inverse
     square) and grows with the number of points. Corrected: from r_j to mu, mean over the nearest
-    repel points, at most half a voxel.
+    repel points of pushes of at most half a voxel: minus the gradient of `losses.repel_loss`.
 
     Args:
         points: [n, 3] moving part in the world, scene units.
@@ -72,9 +72,9 @@ def repel_forces(
     tree, kept = tree_of(repels, count)
     index = kept[tree.query(points, k=count)[1]]
     away = points[:, None] - repels[np.reshape(index, (len(points), count))]
-    force = strength * _inverse_square(away).mean(1)
-    length = np.linalg.norm(force, axis=1, keepdims=True)
-    return np.asarray(force * np.minimum(1.0, 0.5 * voxel / np.maximum(length, REPEL_EPSILON**2)))
+    length = np.sqrt(np.square(away).sum(-1, keepdims=True) + REPEL_EPSILON**2)
+    push = np.minimum(strength / length**2, 0.5 * voxel)
+    return np.asarray((push * away / length).mean(1))
 
 
 def net_wrench(points: F64, forces: F64, origin: F64) -> tuple[F64, F64]:

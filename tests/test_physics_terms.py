@@ -8,8 +8,10 @@ import numpy as np
 import pytest
 import torch
 
+from part2gs_robotics.config import ArticulateConfig
+from part2gs_robotics.joint_terms import Base
 from part2gs_robotics.joints import Joint
-from part2gs_robotics.physics_terms import _Base, part_diagnostics, physical_steps
+from part2gs_robotics.physics_terms import part_diagnostics, physical_steps
 from part2gs_robotics.surfels import Surfels
 
 DIAG, TAU = 1.5, 0.02
@@ -60,7 +62,7 @@ def test_an_empty_base_is_touched_by_nothing(paper):
     assert row["repel_points"] == 0.0
     assert np.isfinite(list(row.values())).all()
     assert notes == ("part_1: no seam within reach of the base, repel points left out",)
-    joint, = physical_steps(study, [JOINT], alone, paper)
+    joint, = physical_steps(study, [JOINT], alone, ArticulateConfig(paper_mode=paper))
     assert np.isfinite([*joint.axis, *joint.origin, joint.value]).all()
 
 
@@ -71,7 +73,7 @@ def test_a_part_without_points_keeps_its_joint(gone, paper):
     n0 = len(study.surfels[0])
     hard[:n0] *= gone == "state 1"
     hard[n0:] *= gone == "state 0"
-    joint, = physical_steps(study, [JOINT], hard, paper)
+    joint, = physical_steps(study, [JOINT], hard, ArticulateConfig(paper_mode=paper))
     assert joint == JOINT
     (row,), _ = part_diagnostics(study, [JOINT], hard, paper)
     assert np.isnan(row["motion_residual"])
@@ -82,15 +84,15 @@ def test_steps_lower_the_misfit_of_a_joint_that_is_off():
 
     study, hard = study_of()
     off = replace(JOINT, value=0.29)
-    joint, = physical_steps(study, [off], hard, False)
+    joint, = physical_steps(study, [off], hard, ArticulateConfig())
     assert abs(joint.value - 0.3) < 0.5 * abs(off.value - 0.3)
     assert np.linalg.norm(joint.axis) == pytest.approx(1.0)
 
 
 def test_the_distance_to_the_base_is_signed_along_its_normals():
     floor = sheet((0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1))
-    base = _Base(floor.points, floor.normals, 1.0)
+    base = Base(floor.points, floor.normals, 1.0)
     points = torch.tensor([[0.5, 0.5, 0.2], [0.5, 0.5, -0.2], [9.0, 0.5, -0.01]]).double()
     assert base(points).tolist() == pytest.approx([0.2, -0.2, 0.01])  # far beside it: free
-    empty = _Base(np.zeros((0, 3)), np.zeros((0, 3)), 1.0)
+    empty = Base(np.zeros((0, 3)), np.zeros((0, 3)), 1.0)
     assert torch.isinf(empty(points)).all()
