@@ -118,7 +118,7 @@ class _Corridor:
         gaussians = (fits[0][0], fits[1][0])
         motion, key = self._articulate(gaussians, keys)
         parts = self._mesh(gaussians, motion, key)
-        plan = settle_plan(plan, gaussians, motion, parts)
+        plan = settle_plan(plan, gaussians, motion, parts, self.config.articulate.paper_mode)
         name = re.sub(r"[^a-z0-9_]+", "_", self.scene.path.resolve().name.lower()).strip("_")
         twin = Twin(name or "twin", parts, self.scene.meters_per_unit, self.scene.up,
                     (*self.scene.notes, *motion.notes))
@@ -231,7 +231,7 @@ def _state_parts(state: StateViews) -> tuple[object, ...]:
 
 
 def settle_plan(plan: Plan, gaussians: tuple[Gaussians, Gaussians], motion: Motion,
-                parts: tuple[Part, ...]) -> Plan:
+                parts: tuple[Part, ...], paper: bool = False) -> Plan:
     """Return the plan with the decisions that only measurements could make."""
     glossy = [f"state {s}" for s, g in enumerate(gaussians) if g.shN.shape[1]]
     plan = plan.settle("view-dependent colour", bool(glossy), "held-out views gain by it in "
@@ -244,7 +244,6 @@ def settle_plan(plan: Plan, gaussians: tuple[Gaussians, Gaussians], motion: Moti
     sentences = [f"{', '.join(names)} {fate}" for names, fate in
                  ((split, "cut into convex pieces"), (whole, "already convex")) if names]
     plan = plan.settle("convex decomposition", bool(split), "; ".join(sentences))
-    repelled = [note for note in motion.notes if "repel" in note.lower()]
+    pulled = sum(one.get("physics_kept", 0.0) for one in motion.diagnostics)
     points = sum(one.get("repel_points", 0.0) for one in motion.diagnostics)
-    return plan.settle("repel points", points > 0, f"{points:.0f} points between parts" if points
-                       else repelled[0] if repelled else "no seam within reach")
+    return plan.settle_terms(len(motion.joints), round(pulled), round(points), paper)

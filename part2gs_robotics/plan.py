@@ -2,11 +2,17 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import dataclass, replace
+from importlib import resources
 from typing import Literal
 
 from part2gs_robotics.config import Config
 from part2gs_robotics.scene import Scene
+
+TERMS = {"articulation": "articulation loss", "vector_field": "vector-field loss",
+         "repel": "repel points", "velocity": "velocity loss", "contact": "contact loss"}
+MEASURED = "measured_terms.json"  # sentences of benchmarks/ablation.py, by term
 
 
 @dataclass(frozen=True)
@@ -42,6 +48,30 @@ class Plan:
         items = tuple(replace(item, used=used, reason=reason) if item.name == name else item
                       for item in self.items)
         return Plan(items)
+
+    def settle_terms(self, parts: int, pulled: int, repel_points: int, paper: bool) -> Plan:
+        """Return the plan with what the images said about the terms that pull on joints.
+
+        Args:
+            parts: number of moving parts.
+            pulled: number of them whose joint the images prefer as pulled.
+            repel_points: number of repel points on seams.
+            paper: paper mode asks no images.
+        """
+        plan = self
+        for name in TERMS.values():
+            if plan[name].decided == "before":
+                continue
+            used = pulled > 0
+            said = f"images keep the pull on {pulled} of {parts} joints"
+            said = f"paper mode: as printed, on {pulled} of {parts} joints" if paper else said
+            if name == TERMS["repel"] and repel_points == 0:
+                used, said = False, "no seam within reach"
+            elif name == TERMS["repel"]:
+                said = f"{repel_points} points between parts; {said}"
+            reason = "; ".join([said, *plan[name].reason.split("; ")[1:]])
+            plan = plan.settle(name, used, reason)
+        return plan
 
     def rows(self) -> tuple[tuple[str, bool, str], ...]:
         """Return (name, used, reason) rows for the report."""
@@ -112,8 +142,31 @@ def _articulation(scene: Scene, config: Config) -> tuple[PlanItem, ...]:
         PlanItem("centre averaging", mode, "paper mode averages matched centres" if mode
                  else "averaged centres lie in neither state; only with --paper-mode"),
         competition,
-        PlanItem("repel points", True, "decided by seams between parts within reach", "during"),
+        PlanItem("part identities", config.articulate.identity, "; ".join(
+            ["neighbours and both states share out the parts" if config.articulate.identity
+             else "off by --no-identity", *_measured("identity")])),
+        *(_term(name, config) for name in TERMS),
+        PlanItem("alignment to images", config.articulate.alignment and not mode, "; ".join(
+            ["paper mode refines by its losses alone" if mode
+             else "second-order steps" if config.articulate.alignment
+             else "off by --no-alignment", *_measured("alignment")])),
     )
+
+
+def _term(name: str, config: Config) -> PlanItem:
+    """Return the item of a term that pulls on joints; images judge its pull during the build."""
+    flag = name.replace("_", "-")
+    used = bool(getattr(config.articulate, name))
+    decided = "as printed" if config.articulate.paper_mode else "kept where images agree"
+    said = decided if used else f"off, --{flag} switches it on"
+    reason = "; ".join([said, *_measured(name)])
+    return PlanItem(TERMS[name], used, reason, "during" if used else "before")
+
+
+def _measured(name: str) -> list[str]:
+    """Return what the ablation found about a term, as a list of one or no sentence."""
+    found = json.loads(resources.files(__package__).joinpath(MEASURED).read_text("utf-8"))
+    return [f"ablation: {found[name]}"] if name in found else []
 
 
 def _geometry(config: Config) -> tuple[PlanItem, ...]:

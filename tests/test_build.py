@@ -16,7 +16,7 @@ import pytest
 
 from part2gs_robotics.articulate import Motion
 from part2gs_robotics.build import output_folder, settle_plan
-from part2gs_robotics.config import Config, ReadConfig
+from part2gs_robotics.config import Config, ReadConfig, resolve
 from part2gs_robotics.errors import StoreError
 from part2gs_robotics.gaussians import Gaussians
 from part2gs_robotics.joints import Joint
@@ -114,9 +114,14 @@ def test_open_decisions_are_settled(ball_scene: Path) -> None:
     assert gloss["view-dependent colour"].reason.endswith("in state 1")
     assert not one["part competition"].used
     assert two["part competition"].used
-    assert two["repel points"].reason == "6 points between parts"
+    assert two["repel points"] == plan["repel points"], "off by default, so nothing is open"
+    repelling = make_plan(read_scene(ball_scene, ReadConfig()), resolve({"repel": True}))
+    pushed = settle_plan(repelling, (matt, matt), motion(2), parts)["repel points"]
+    assert pushed.reason.startswith("6 points between parts; images keep the pull on 0 of 2 joints")
     bare = Motion((np.zeros((0, 2), np.float32),) * 2, (joint(),), (0,))
-    assert settle_plan(plan, (matt, matt), bare, parts)["repel points"].used is False
+    settled = settle_plan(repelling, (matt, matt), bare, parts)["repel points"]
+    assert settled.reason.startswith("no seam within reach")
+    assert not settled.used
     pieces = two["convex decomposition"]
     assert pieces.used == any(len(part.pieces) > 1 for part in parts)
 

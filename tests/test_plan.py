@@ -12,8 +12,9 @@ import numpy as np
 import pytest
 
 from part2gs_robotics import log
+from part2gs_robotics import plan as plan_room
 from part2gs_robotics.config import Config, ReadConfig, resolve
-from part2gs_robotics.plan import Plan, PlanItem, make_plan
+from part2gs_robotics.plan import TERMS, Plan, PlanItem, make_plan
 from part2gs_robotics.readers import read_scene
 from part2gs_robotics.scene import Scene
 from part2gs_robotics.synth_photos import write_ball_scene
@@ -53,6 +54,44 @@ def test_search_only_without_parts_and_averaging_only_in_paper_mode(scene: Scene
     assert not make_plan(scene, resolve({"parts": 1}))["search for number of parts"].used
     assert not make_plan(scene, Config())["centre averaging"].used
     assert make_plan(scene, resolve({"paper_mode": True}))["centre averaging"].used
+
+
+def test_every_term_is_in_the_plan_and_follows_its_flag(scene: Scene) -> None:
+    for name, title in TERMS.items():
+        on, off = (make_plan(scene, resolve({name: value}))[title] for value in (True, False))
+        assert (on.used, on.decided, off.used, off.decided) == (True, "during", False, "before")
+        assert f"--{name.replace('_', '-')} switches it on" in off.reason
+        assert "as printed" in make_plan(scene, resolve({name: True, "paper_mode": True}))[
+            title].reason
+    for name, title in {"identity": "part identities", "alignment": "alignment to images"}.items():
+        assert make_plan(scene, Config())[title].used
+        off = make_plan(scene, resolve({name: False}))[title]
+        assert not off.used
+        assert off.reason.startswith(f"off by --no-{name}")
+    assert not make_plan(scene, resolve({"paper_mode": True}))["alignment to images"].used
+
+
+def test_the_plan_quotes_what_the_ablation_measured(
+    scene: Scene, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    (tmp_path / plan_room.MEASURED).write_text('{"repel": "no difference; 9 runs"}')
+    monkeypatch.setattr(plan_room.resources, "files", lambda _: tmp_path)
+    plan = make_plan(scene, Config())
+    assert plan["repel points"].reason.endswith("switches it on; ablation: no difference; 9 runs")
+    assert "ablation" not in plan["contact loss"].reason
+
+
+def test_images_leave_a_term_out_of_a_scene_where_they_keep_no_pull(scene: Scene) -> None:
+    plan = make_plan(scene, resolve({"repel": True}))
+    kept, left = (plan.settle_terms(3, pulled, 40, paper=False) for pulled in (2, 0))
+    for title in ("contact loss", "vector-field loss"):
+        assert kept[title].used
+        assert "images keep the pull on 2 of 3 joints" in kept[title].reason
+        assert not left[title].used
+    assert kept["repel points"].reason.startswith("40 points between parts; images keep")
+    assert not plan.settle_terms(3, 2, 0, paper=False)["repel points"].used
+    assert kept["velocity loss"] == plan["velocity loss"], "off, so nothing to decide"
+    assert "paper mode" in plan.settle_terms(3, 3, 40, paper=True)["contact loss"].reason
 
 
 def test_settling_changes_one_item() -> None:
