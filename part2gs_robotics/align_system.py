@@ -62,3 +62,12 @@ def solved(system: System) -> F64:
     damping = damping_of(system.h)
     step = np.linalg.solve(system.h + damping * np.eye(len(system.g)), system.g)
     return np.asarray(step * min(1.0, 0.03 / max(float(np.abs(step).max()), 1e-12)))
+
+
+def bread(pair: tuple[System, System], weights: tuple[float, float]) -> F64:
+    """Return [P, P], the curvature of the robust cost of both directions with their patches.
+
+    Weights of outliers fall as the joint moves, so this is less than the curvature of the steps.
+    """
+    both = zip(pair, weights, strict=True)
+    return np.asarray(sum(s.patches.total(w, len(s.g)).bread.sum(0) for s, w in both if s.patches))

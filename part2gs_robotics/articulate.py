@@ -33,6 +33,7 @@ POOL_TOP = 12  # hypotheses that are also tried on the object's own directions
 MIN_EVIDENCE = 0.004  # of all surfels: less is noise, nothing moved
 ALIGN_VIEWS = 32  # per state; 60 would halve the standard deviations at twice the time
 ALIGN_SIDE = 256  # pixels: 0.1 deg of a door of 80 pixels is 0.14 pixel, averaged over the views
+SHARP_SIDE = 512  # pixels, the side fits are made at: 256 leave four times the error of 400
 
 
 @dataclass(frozen=True)
@@ -166,17 +167,17 @@ def settled_motion(
     judge = Judge(study)
     verdict = replace(verdict, hard=start_labels(judge, verdict, config))
     start = _joints(judge, verdict)
-    views = (
-        small_views(scene.states[0], ALIGN_VIEWS, ALIGN_SIDE),
-        small_views(scene.states[1], ALIGN_VIEWS, ALIGN_SIDE),
-    )
+    one, two = scene.states
+    views = (small_views(one, ALIGN_VIEWS, ALIGN_SIDE), small_views(two, ALIGN_VIEWS, ALIGN_SIDE))
     hard, _ = labels_under(judge, start, verdict.hard, config)
     joints = pulled = physical_steps(study, start, hard, config)
     if pulled is not start and not config.paper_mode:  # the paper refines by its losses alone
         joints = judged(study.gaussians, study.gaussian_labels(hard), start, pulled, views)
     kept = [{"physics_kept": float(new is not old)} for new, old in zip(joints, start, strict=True)]
     if config.alignment and not config.paper_mode:
-        joints, hard = settle(judge, joints, hard, views)
+        sharp = (small_views(one, ALIGN_VIEWS, SHARP_SIDE),
+                 small_views(two, ALIGN_VIEWS, SHARP_SIDE))
+        joints, hard = settle(judge, joints, hard, views, sharp)
     clock.tick("alignment", 4, len(joints))
     hard, costs = labels_under(judge, joints, hard, config)
     probs = part_probs(study, joints, costs, hard, config)

@@ -12,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from part2gs_robotics.align import align, judged
+from part2gs_robotics.align import COARSE, FINE, LEAST_GAIN, Level, align, judged
 from part2gs_robotics.cross_render import both_cost
 from part2gs_robotics.decide import Judge, Verdict, tune
 from part2gs_robotics.joint_fit import move_of
@@ -25,12 +25,11 @@ logger = logging.getLogger(__name__)
 Views = tuple[SmallViews, SmallViews]
 Labels = NDArray[np.int64]
 ROUNDS = 2  # of alignment and relabelling before and after tuning; a third changed < 0.05 deg
-FINE = 2  # first blur of an alignment that follows another one
 THIN = 2  # every other view until the last alignment
 
 
 def settle(
-    judge: Judge, joints: list[Joint], hard: Labels, views: Views
+    judge: Judge, joints: list[Joint], hard: Labels, views: Views, sharp: Views
 ) -> tuple[list[Joint], Labels]:
     """Return the joints and surfel labels [N0 + N1] that the images prefer.
 
@@ -38,35 +37,43 @@ def settle(
         judge: of the study.
         joints: of parts 1..K, start.
         hard: surfel labels, start.
-        views: images of both states to align with.
+        views: images of both states to settle with.
+        sharp: the same at full size, for the last alignment.
     """
-    study = judge.study
-    labels = study.gaussian_labels(hard)
     if len(joints) == 1:
-        end = align(study.gaussians, labels, joints, views, study.diag)
-        return judged(study.gaussians, labels, joints, end, views), hard
+        return _aligned(judge, joints, hard, views, sharp), hard
     thin = _thinned(views[0]), _thinned(views[1])
-    new, verdict = _alternate(judge, joints, hard, thin, 0)
+    new, verdict = _alternate(judge, joints, hard, thin, (*COARSE, *FINE[:1]))
     verdict = tune(judge, verdict, lambda text: logger.info("settle: %s", text))
     new = [_follow(j, h) for j, h in zip(new, verdict.motions, strict=True)]
-    new, verdict = _alternate(judge, new, verdict.hard, thin, FINE)
-    end = align(study.gaussians, study.gaussian_labels(verdict.hard), new, views, study.diag)
-    costs = [_cost(judge, j, h, views) for j, h in ((joints, hard), (end, verdict.hard))]
+    new, verdict = _alternate(judge, new, verdict.hard, thin, FINE[:1])
+    costs = [_cost(judge, j, h, views) for j, h in ((joints, hard), (new, verdict.hard))]
     logger.info("settle: image cost %.4f after, %.4f before", costs[1], costs[0])
     if costs[1] < costs[0]:
-        return end, verdict.hard
-    kept = align(study.gaussians, labels, joints, views, study.diag)
-    return judged(study.gaussians, labels, joints, kept, views), hard
+        return _aligned(judge, new, verdict.hard, None, sharp), verdict.hard
+    return _aligned(judge, joints, hard, views, sharp), hard
+
+
+def _aligned(judge: Judge, joints: list[Joint], hard: Labels, views: Views | None, sharp: Views,
+             ) -> list[Joint]:
+    """Return the joints after their last alignment; coarse at first if views are given for it."""
+    study = judge.study
+    labels = study.gaussian_labels(hard)
+    end = joints
+    if views:
+        end = align(study.gaussians, labels, end, views, study.diag, COARSE, deviations=False)
+    end = align(study.gaussians, labels, end, sharp, study.diag, FINE)
+    return judged(study.gaussians, labels, joints, end, sharp, LEAST_GAIN)
 
 
 def _alternate(
-    judge: Judge, joints: list[Joint], hard: Labels, views: Views, blur: int
+    judge: Judge, joints: list[Joint], hard: Labels, views: Views, levels: tuple[Level, ...]
 ) -> tuple[list[Joint], Verdict]:
     study = judge.study
     for turn in range(ROUNDS):
         labels = study.gaussian_labels(hard)
-        joints = align(study.gaussians, labels, joints, views, study.diag, FINE if turn else blur,
-                       deviations=False)
+        joints = align(study.gaussians, labels, joints, views, study.diag,
+                       FINE[:1] if turn else levels, deviations=False)
         verdict = judge.judge([_hypothesis(j) for j in joints])
         hard, _ = claim(judge, joints, verdict.hard)
         verdict = replace(verdict, hard=hard)

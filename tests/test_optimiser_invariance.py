@@ -10,7 +10,8 @@ import pytest
 import torch
 
 from part2gs_robotics import se3
-from part2gs_robotics.align import _rates, align
+from part2gs_robotics.align import FINE, align
+from part2gs_robotics.align_steps import at
 from part2gs_robotics.canonical import canonical_field
 from part2gs_robotics.evidence import DepthMaps
 from part2gs_robotics.fit import FitConfig, FitRun
@@ -105,13 +106,13 @@ def test_the_turn_of_a_loss_has_a_finite_gradient(angle):
 @pytest.mark.parametrize("target", [0, 1])
 def test_a_joints_rates_are_its_velocities(angle, target):
     joint = Joint("revolute", WAYS[0], WAYS[1], angle)
-    rates = _rates(joint, target, 2.0)
+    rates = at(joint, 2.0).rates(target)
     sign, expected = (1.0 if target else -1.0), np.zeros((4, 4))
     expected[:3, :3] = sign * se3.hat(joint.axis)
     expected[:3, 3] = -expected[:3, :3] @ joint.origin
     np.testing.assert_allclose(rates[2], expected, atol=2e-5)  # one-sided: half a step of 1e-5
     slider = replace(joint, kind="prismatic")
-    np.testing.assert_allclose(_rates(slider, target, 2.0)[2, :3, 3], sign * 2 * joint.axis,
+    np.testing.assert_allclose(at(slider, 2.0).rates(target)[2, :3, 3], sign * 2 * joint.axis,
                                atol=1e-9)
     assert np.isfinite(rates).all()
 
@@ -213,7 +214,7 @@ def test_alignment_does_not_know_unit_or_place(toy, scale, rigid):
                                  cameras_placed(eyes, unit, move)) for p in photos)
         both = tuple(gaussians_placed(g, unit, move) for g in (g0, g1))
         joints += align(both, (labels, labels), [joint_placed(start, unit, move)], views,
-                        1.2 * unit, first_blur=2)
+                        1.2 * unit, FINE)
     expected = joint_placed(joints[0], scale, world_of(scale, rigid))
     at = placed(truth.origin, scale, world_of(scale, rigid))
     assert_same_joint(joints[1], expected, scale, at)

@@ -61,7 +61,7 @@ def miss(judge, joints, truth):
 def test_one_joint_is_aligned_and_its_labels_stay(judge, views, true_joints, degrees, share):
     start = off(true_joints[0], degrees, share * judge.study.diag)
     hard = judge.judge([hypothesis(true_joints[0])]).hard
-    found, same = settle(judge, [start], hard, views)
+    found, same = settle(judge, [start], hard, views, views)
     assert np.array_equal(same, hard)
     assert image_cost(judge, found, hard, views) <= image_cost(judge, [start], hard, views)
     assert miss(judge, found, true_joints[:1]) < 0.002
@@ -74,7 +74,7 @@ def test_look_alikes_get_their_own_lengths_and_surfels(judge, views, true_joints
     length = 0.01 * judge.study.diag
     start = [off(true_joints[0], 1.0, -length), off(true_joints[1], -1.0, length)]
     before = judge.judge([hypothesis(j) for j in start]).hard
-    found, hard = settle(judge, start, before, views)
+    found, hard = settle(judge, start, before, views, views)
     assert image_cost(judge, found, hard, views) <= image_cost(judge, start, before, views)
     assert miss(judge, start, true_joints) > 0.009
     assert miss(judge, found, true_joints) < 0.002
@@ -86,7 +86,7 @@ def test_a_part_that_nothing_shows_does_not_spoil_the_others(judge, views, true_
     """No surfel belongs to the second joint: the first one is settled all the same."""
     start = [true_joints[0], replace(true_joints[1], axis=np.array([0.0, 0, 1]), value=0.5)]
     before = judge.judge([hypothesis(true_joints[0])]).hard
-    found, hard = settle(judge, start, before, views)
+    found, hard = settle(judge, start, before, views, views)
     assert image_cost(judge, found, hard, views) <= image_cost(judge, start, before, views)
     assert miss(judge, found[:1], true_joints[:1]) < 0.003
     assert all(np.isfinite(j.axis).all() and np.isfinite(j.value) for j in found)
