@@ -15,7 +15,15 @@ from numpy.typing import NDArray
 
 from part2gs_robotics.align_sigma import Patches, observed_directions, with_sigma
 from part2gs_robotics.align_steps import Mixing, Pose, at
-from part2gs_robotics.align_system import System, bread, damping_of, solved, summed, weighed, weights_of
+from part2gs_robotics.align_system import (
+    System,
+    bread,
+    damping_of,
+    solved,
+    summed,
+    weighed,
+    weights_of,
+)
 from part2gs_robotics.align_view import add_view
 from part2gs_robotics.cross_render import both_cost, move_gaussians
 from part2gs_robotics.gaussians import Gaussians
