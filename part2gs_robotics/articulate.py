@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from part2gs_robotics.config import ArticulateConfig
+from part2gs_robotics.config import ArticulateConfig, SearchConfig
 from part2gs_robotics.errors import FitError
 from part2gs_robotics.gaussians import Gaussians
 from part2gs_robotics.joints import Joint
@@ -27,13 +27,10 @@ if TYPE_CHECKING:
     from part2gs_robotics.study import Study
 
 logger = logging.getLogger(__name__)
-SEEDS = (8, 14)  # patches searched in states 0 and 1: every part of a 6-part cabinet is hit
+SHARE_0 = 8 / 22  # of the patches in state 0: the open state shows more of what moved
 POOL_PRICE = 0.004  # of the evidence: what a hypothesis must explain to enter the competition
 POOL_TOP = 12  # hypotheses that are also tried on the object's own directions
 MIN_EVIDENCE = 0.004  # of all surfels: less is noise, nothing moved
-ALIGN_VIEWS = 32  # per state; 60 would halve the standard deviations at twice the time
-ALIGN_SIDE = 256  # pixels: 0.1 deg of a door of 80 pixels is 0.14 pixel, averaged over the views
-SHARP_SIDE = 512  # pixels, the side fits are made at: 256 leave four times the error of 400
 
 
 @dataclass(frozen=True)
@@ -65,6 +62,7 @@ def articulate(
     gaussians: tuple[Gaussians, Gaussians],
     config: ArticulateConfig,
     progress: Callable[[int, int, float], None] | None = None,
+    search: SearchConfig | None = None,
 ) -> Motion:
     """Return the moving parts and their joints.
 
@@ -73,12 +71,13 @@ def articulate(
         gaussians: fitted Gaussians of both states.
         config: `parts` fixes the number of moving parts, else it is found.
         progress: called as (step, steps, number of parts).
+        search: how closely to look; None = the standard preset.
 
     Raises:
         FitError: nothing moves between the states.
     """
-    study, verdict, clock = found_motions(scene, gaussians, config, progress)
-    return settled_motion(scene, study, verdict, config, clock)
+    study, verdict, clock = found_motions(scene, gaussians, config, progress, search)
+    return settled_motion(scene, study, verdict, config, clock, search)
 
 
 def found_motions(
@@ -86,12 +85,13 @@ def found_motions(
     gaussians: tuple[Gaussians, Gaussians],
     config: ArticulateConfig,
     progress: Callable[[int, int, float], None] | None = None,
+    search: SearchConfig | None = None,
 ) -> tuple[Study, Verdict, Clock]:
     """Return the study of both states and the motions that were decided on: the first half."""
     from part2gs_robotics.study import gather
 
-    clock = Clock(progress)
-    study = gather(scene, gaussians)
+    clock, search = Clock(progress), search or SearchConfig()
+    study = gather(scene, gaussians, search)
     moved = len(study.evidence.vacated) + len(study.evidence.arrived)
     total = len(study.surfels[0]) + len(study.surfels[1])
     logger.info("evidence: %d of %d surfels left their place or are new in it", moved, total)
@@ -102,7 +102,7 @@ def found_motions(
             "clearly different states."
         )
     clock.tick("evidence", 1)
-    pool = _pool(study, np.random.default_rng(config.seed), moved)
+    pool = _pool(study, np.random.default_rng(config.seed), moved, search.patches)
     clock.tick("search", 2)
     verdict = _decide(study, pool, config.parts, scene)
     clock.tick("decision", 3, len(verdict.motions))
@@ -123,11 +123,12 @@ class Clock:
             self.progress(step, 5, float(parts))
 
 
-def _pool(study: Study, rng: np.random.Generator, moved: int) -> list[Hypothesis]:
+def _pool(study: Study, rng: np.random.Generator, moved: int, patches: int) -> list[Hypothesis]:
     from part2gs_robotics.motion_select import choose, propose
     from part2gs_robotics.motion_snap import distinct, slide_families, snapped
 
-    found = propose(study.evidence, study.lands, study.box, SEEDS, rng)
+    first = round(SHARE_0 * patches)
+    found = propose(study.evidence, study.lands, study.box, (first, patches - first), rng)
     ranked = sorted(
         choose(found, study.evidence, study.lands, study.diag, POOL_PRICE * moved),
         key=lambda p: -p[1],
@@ -154,7 +155,8 @@ def _decide(study: Study, pool: list[Hypothesis], parts: int | None, scene: Scen
 
 
 def settled_motion(
-    scene: Scene, study: Study, verdict: Verdict, config: ArticulateConfig, clock: Clock
+    scene: Scene, study: Study, verdict: Verdict, config: ArticulateConfig, clock: Clock,
+    search: SearchConfig | None = None,
 ) -> Motion:
     """Return joints and part identities of the motions that were decided on: the second half."""
     from part2gs_robotics.align import judged
@@ -164,19 +166,20 @@ def settled_motion(
     from part2gs_robotics.settle import settle
     from part2gs_robotics.small_views import small_views
 
-    judge = Judge(study)
+    judge, search = Judge(study), search or SearchConfig()
     verdict = replace(verdict, hard=start_labels(judge, verdict, config))
     start = _joints(judge, verdict)
     one, two = scene.states
-    views = (small_views(one, ALIGN_VIEWS, ALIGN_SIDE), small_views(two, ALIGN_VIEWS, ALIGN_SIDE))
+    count, side = search.align_views, search.align_side
+    views = small_views(one, count, side), small_views(two, count, side)
     hard, _ = labels_under(judge, start, verdict.hard, config)
     joints = pulled = physical_steps(study, start, hard, config)
     if pulled is not start and not config.paper_mode:  # the paper refines by its losses alone
         joints = judged(study.gaussians, study.gaussian_labels(hard), start, pulled, views)
     kept = [{"physics_kept": float(new is not old)} for new, old in zip(joints, start, strict=True)]
     if config.alignment and not config.paper_mode:
-        sharp = (small_views(one, ALIGN_VIEWS, SHARP_SIDE),
-                 small_views(two, ALIGN_VIEWS, SHARP_SIDE))
+        side = search.sharp_side
+        sharp = small_views(one, count, side), small_views(two, count, side)
         joints, hard = settle(judge, joints, hard, views, sharp)
     clock.tick("alignment", 4, len(joints))
     hard, costs = labels_under(judge, joints, hard, config)

@@ -138,13 +138,14 @@ class _Corridor:
         state = self.scene.states[index]
         # The device is part of the key: CPU builds repeat bit for bit, and a CPU build that went on
         # from Gaussians of a GPU would not.
-        key = hash_of("fit", self.code, asdict(self.config.fit), *_state_parts(state))
+        fit, stereo = self.config.fit, self.config.stereo
+        key = hash_of("fit", self.code, asdict(fit), asdict(stereo), *_state_parts(state))
 
         def compute() -> Fitted:
             from part2gs_robotics.fit import fit_state
 
-            result = fit_state(state, None, self.config.fit, Progress(f"fit state {index}", "dB"),
-                               f"state {index}")
+            result = fit_state(state, None, fit, Progress(f"fit state {index}", "dB"),
+                               f"state {index}", stereo)
             return result.gaussians, tuple((t, db) for t, db, _ in result.curve)
 
         fitted = self._stage(f"0{index + 1}_fit_{index}", key, compute, save_fit, load_fit,
@@ -153,14 +154,14 @@ class _Corridor:
 
     def _articulate(self, gaussians: tuple[Gaussians, Gaussians],
                     keys: tuple[str, ...]) -> tuple[Motion, str]:
-        settings = self.config.articulate
-        key = hash_of("articulate", self.code, asdict(settings), *keys)
+        settings, search = self.config.articulate, self.config.search
+        key = hash_of("articulate", self.code, asdict(settings), asdict(search), *keys)
 
         def compute() -> Motion:
             from part2gs_robotics.articulate import articulate
 
             note = self._canonical(gaussians, settings.paper_mode)
-            found = articulate(self.scene, gaussians, settings, Progress("articulate"))
+            found = articulate(self.scene, gaussians, settings, Progress("articulate"), search)
             return replace(found, notes=(note, *found.notes))
 
         motion = self._stage("03_articulate", key, compute, save_motion, load_motion,
@@ -234,8 +235,10 @@ def settle_plan(plan: Plan, gaussians: tuple[Gaussians, Gaussians], motion: Moti
                 parts: tuple[Part, ...], paper: bool = False) -> Plan:
     """Return the plan with the decisions that only measurements could make."""
     glossy = [f"state {s}" for s, g in enumerate(gaussians) if g.shN.shape[1]]
-    plan = plan.settle("view-dependent colour", bool(glossy), "held-out views gain by it in "
-                       + " and ".join(glossy) if glossy else "held-out views gain nothing by it")
+    if plan["view-dependent colour"].decided == "during":
+        reason = ("held-out views gain by it in " + " and ".join(glossy) if glossy
+                  else "held-out views gain nothing by it")
+        plan = plan.settle("view-dependent colour", bool(glossy), reason)
     if plan["part competition"].decided == "during":
         many = len(motion.joints) > 1
         plan = plan.settle("part competition", many, f"{len(motion.joints)} moving parts found")
@@ -243,7 +246,8 @@ def settle_plan(plan: Plan, gaussians: tuple[Gaussians, Gaussians], motion: Moti
     whole = [part.name for part in parts if len(part.pieces) <= 1]
     sentences = [f"{', '.join(names)} {fate}" for names, fate in
                  ((split, "cut into convex pieces"), (whole, "already convex")) if names]
-    plan = plan.settle("convex decomposition", bool(split), "; ".join(sentences))
+    if plan["convex decomposition"].decided == "during":
+        plan = plan.settle("convex decomposition", bool(split), "; ".join(sentences))
     pulled = sum(one.get("physics_kept", 0.0) for one in motion.diagnostics)
     points = sum(one.get("repel_points", 0.0) for one in motion.diagnostics)
     return plan.settle_terms(len(motion.joints), round(pulled), round(points), paper)

@@ -1,4 +1,4 @@
-"""Settings: one frozen dataclass per room; the string under a field is its flag's help.
+"""Settings: one frozen dataclass per room, presets, and values judged before they are used.
 
 Flags, keys of scene.yaml and fields share one name. Later wins: preset, scene.yaml, flags.
 """
@@ -13,114 +13,25 @@ import math
 from dataclasses import dataclass, field, fields, is_dataclass, replace
 from typing import Literal, cast, get_args, get_origin, get_type_hints
 
+from part2gs_robotics.config_rooms import (
+    ArticulateConfig,
+    CheckConfig,
+    FitConfig,
+    MeshConfig,
+    OutputConfig,
+    ReadConfig,
+    SearchConfig,
+    StereoConfig,
+)
 from part2gs_robotics.errors import ConfigError
 
+__all__ = [
+    "BOUNDS", "PRESETS", "ArticulateConfig", "CheckConfig", "Config", "FitConfig", "MeshConfig",
+    "Option", "OutputConfig", "ReadConfig", "SearchConfig", "StereoConfig", "Value", "convert",
+    "options", "resolve", "to_dict", "with_values",
+]  # fmt: skip
+
 Value = bool | int | float | str | tuple[float, float, float] | None
-Preset = Literal["draft", "standard", "high"]
-
-
-@dataclass(frozen=True)
-class ReadConfig:
-    """What the readers may change or assume."""
-
-    max_side: int = 512
-    """longest image side in pixels; larger images are downscaled in memory"""
-    allow_missing: bool = False
-    """go on when images have no camera, or cameras have no image"""
-    invert_masks: bool = False
-    """masks are white on the background instead of on the object"""
-    depth: bool = True
-    """use depth images where the scene has them"""
-    meters_per_unit: float | None = None
-    """metres per scene unit, if known"""
-    up: tuple[float, float, float] | None = None
-    """up direction of the scene's world as three numbers, if known"""
-
-
-@dataclass(frozen=True)
-class FitConfig:
-    """Gaussians of each state."""
-
-    steps: int = 1600
-    """optimiser steps per state, one view each"""
-    half_steps: int = 300
-    """first of these steps, at half the image resolution"""
-    start_gaussians: int = 14_000
-    """Gaussians on the visual hull at the start"""
-    max_gaussians: int = 24_000
-    """most Gaussians per state"""
-    hull_resolution: int = 192
-    """voxels along the longest side of the visual hull"""
-    alpha_weight: float = 0.5
-    """weight of the mean absolute error of the mask"""
-    opacity_weight: float = 0.01
-    """weight of the mean of o (1 - o), which drives opacities to 0 or 1"""
-    depth_weight: float = 0.2
-    """weight of mean log(1 + depth error / diagonal), used only with depth images"""
-    smooth_weight: float = 0.5
-    """weight of jumps and bends in depth where a photo shows no edge, without depth images"""
-    device: Literal["auto", "cpu", "cuda"] = "auto"
-    """where to render; auto: on CUDA where a GPU and gsplat are ready, else on the CPU"""
-    seed: int = 0
-    """seed of every random choice; CPU builds repeat bit for bit"""
-
-
-@dataclass(frozen=True)
-class ArticulateConfig:
-    """Parts and joints."""
-
-    parts: int | None = None
-    """number of moving parts; searched when absent"""
-    paper_mode: bool = False
-    """every term that is on exactly as the paper prints it, instead of the corrected one"""
-    identity: bool = True
-    """neighbours and both states share out the parts; off: the motion that lands a point best"""
-    articulation: bool = False
-    """pull joints by matched points and the rigid turn of their pairs"""
-    repel: bool = False
-    """push parts away from the seam with the base by repel points"""
-    contact: bool = True
-    """pull joints so that parts do not enter the base on their way"""
-    velocity: bool = False
-    """pull joints so that the points of a part move as one body"""
-    vector_field: bool = True
-    """pull joints so that the points of a part land on the other state's surface"""
-    alignment: bool = True
-    """align joints to the images by second-order steps; never in paper mode"""
-    seed: int = 0
-    """seed of every random choice; CPU builds repeat bit for bit"""
-
-
-@dataclass(frozen=True)
-class MeshConfig:
-    """Closed meshes of the parts."""
-
-    resolution: int = 192
-    """grid cells along the longest side of the object"""
-    clearance_voxels: float = 1.0
-    """gap kept between neighbouring parts, in grid cells"""
-
-
-@dataclass(frozen=True)
-class CheckConfig:
-    """Simulator checks."""
-
-    sweep_values: int = 21
-    """joint values per joint at which interpenetration is measured"""
-
-
-@dataclass(frozen=True)
-class OutputConfig:
-    """Where results go and what is said on the way."""
-
-    out: str | None = None
-    """output folder; default: SCENE_twin beside the scene"""
-    preset: Preset = "standard"
-    """draft: quick look, standard: full quality, high: slow and finest"""
-    quiet: bool = False
-    """only warnings and errors"""
-    verbose: bool = False
-    """details of every stage"""
 
 
 @dataclass(frozen=True)
@@ -129,6 +40,8 @@ class Config:
 
     read: ReadConfig = field(default_factory=ReadConfig)
     fit: FitConfig = field(default_factory=FitConfig)
+    stereo: StereoConfig = field(default_factory=StereoConfig)
+    search: SearchConfig = field(default_factory=SearchConfig)
     articulate: ArticulateConfig = field(default_factory=ArticulateConfig)
     mesh: MeshConfig = field(default_factory=MeshConfig)
     check: CheckConfig = field(default_factory=CheckConfig)
@@ -150,6 +63,9 @@ BOUNDS: dict[str, tuple[float, float]] = {
     "half_steps": (0, 1_000_000), "start_gaussians": (100, 10_000_000),
     "max_gaussians": (100, 10_000_000), "hull_resolution": (16, 1024), "alpha_weight": (0, 1e3),
     "opacity_weight": (0, 1e3), "depth_weight": (0, 1e3), "smooth_weight": (0, 1e3),
+    "stereo_views": (3, 10_000), "stereo_side": (16, 1024), "surfel_size": (1e-3, 0.1),
+    "patches": (2, 1000), "proof_views": (2, 1000), "proof_side": (16, 2048),
+    "align_views": (2, 1000), "align_side": (16, 4096), "sharp_side": (16, 4096),
     "parts": (1, 64), "resolution": (16, 1024), "clearance_voxels": (0, 16),
     "sweep_values": (3, 10_001), "seed": (0, 2**31 - 1),
 }

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from part2gs_robotics.adam import Adam
-from part2gs_robotics.config import FitConfig
+from part2gs_robotics.config import FitConfig, StereoConfig
 from part2gs_robotics.depth_smooth import smooth_term
 from part2gs_robotics.fit_density import Density
 from part2gs_robotics.fit_init import first_gaussians
@@ -54,7 +54,7 @@ class FitResult:
 
 def fit_state(state: StateViews, init: Hull | Gaussians | None = None,
               config: FitConfig | None = None, progress: Progress | None = None,
-              name: str = "state") -> FitResult:
+              name: str = "state", stereo: StereoConfig | None = None) -> FitResult:
     """Fit Gaussians to the images of one state.
 
     Args:
@@ -63,6 +63,7 @@ def fit_state(state: StateViews, init: Hull | Gaussians | None = None,
         config: None = the standard preset.
         progress: called after each step.
         name: what messages call this state.
+        stereo: None = the standard preset.
 
     Raises:
         FitError: the masks do not meet, or a loss or parameter is no longer finite.
@@ -75,7 +76,7 @@ def fit_state(state: StateViews, init: Hull | Gaussians | None = None,
         first = tones.forward(init)
     else:
         hull = init or carve(state, resolution=config.hull_resolution)
-        first = first_gaussians(hull, tones.even(state), config)
+        first = first_gaussians(hull, tones.even(state), config, stereo)
     run = FitRun(state, tones, first, hull, config, name)
     curve = [(time.perf_counter() - start, run.held_out_psnr(), len(first))]
     marks = {round(config.steps * k / 8) for k in range(1, 9)}  # eight points make a curve
@@ -85,8 +86,9 @@ def fit_state(state: StateViews, init: Hull | Gaussians | None = None,
             curve.append((time.perf_counter() - start, run.held_out_psnr(), run.count))
         if progress is not None:
             progress(step, config.steps, curve[-1][1])
-    found = with_view_dependence(run.gaussians(), state, run.natural, config.alpha_weight,
-                                 config.seed)
+    found = run.gaussians()
+    if config.view_color:
+        found = with_view_dependence(found, state, run.natural, config.alpha_weight, config.seed)
     if found.shN.shape[1]:
         curve.append((time.perf_counter() - start, held_out_psnr(found, state, run.natural),
                       len(found)))

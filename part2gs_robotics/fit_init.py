@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from part2gs_robotics.config import FitConfig
+from part2gs_robotics.config import FitConfig, StereoConfig
 from part2gs_robotics.evidence import DepthMaps, observe
 from part2gs_robotics.gaussians import SH_C0, Gaussians
 from part2gs_robotics.hull import Hull
@@ -26,7 +26,8 @@ SPACING = 0.008  # of the diagonal: about as dense as 14,000 discs on the hull o
 MIN_VIEWS = 3  # depth maps that must agree: one or two may share an error
 
 
-def first_gaussians(hull: Hull, state: StateViews, config: FitConfig) -> Gaussians:
+def first_gaussians(hull: Hull, state: StateViews, config: FitConfig,
+                    stereo: StereoConfig | None = None) -> Gaussians:
     """Return discs on the hull where it is the surface, and on the surface inside its hollows.
 
     Depth images say where the surface is, else stereo does: hull points that several views look
@@ -36,9 +37,14 @@ def first_gaussians(hull: Hull, state: StateViews, config: FitConfig) -> Gaussia
         hull: of this state.
         state: photos, with or without depth images.
         config: number of discs on the whole hull, most Gaussians in all, seed of their places.
+        stereo: None = the standard preset; without stereo and depth images the hull is all.
     """
+    stereo = stereo or StereoConfig()
     points, normals = surface_points(hull, config.start_gaussians, config.seed)
-    maps, photos = _depths(hull, state)
+    if state.depths is None and not stereo.stereo:
+        colors, _ = point_colors(hull, state, points, normals)
+        return discs(points, normals, colors, _spacing(points))
+    maps, photos = _depths(hull, state, stereo)
     voxel, _ = sampling(maps, SPACING * hull.diagonal)
     near = max(NEAR * hull.diagonal, 1.2 * voxel)
     seen = observe(points, maps, near)
@@ -57,14 +63,15 @@ def first_gaussians(hull: Hull, state: StateViews, config: FitConfig) -> Gaussia
     return discs(points, normals, colors, _spacing(points))
 
 
-def _depths(hull: Hull, state: StateViews) -> tuple[DepthMaps, NDArray[np.uint8]]:
+def _depths(hull: Hull, state: StateViews, stereo: StereoConfig,
+            ) -> tuple[DepthMaps, NDArray[np.uint8]]:
     """Return depth maps of the training views and their photos, from depth images or stereo."""
     used = np.flatnonzero(~state.held_out)
     if state.depths is not None:
         maps = DepthMaps(state.depths[used], state.alphas[used], state.Ks[used],
                          state.viewmats[used])
         return maps, state.images[used]
-    maps, views = stereo_depths(state, hull)
+    maps, views = stereo_depths(state, hull, stereo)
     straight = views.colors / np.maximum(views.alphas, 1e-3)[..., None]  # 1e-3: below one level
     return maps, np.rint(255 * np.clip(straight, 0, 1)).astype(np.uint8)
 

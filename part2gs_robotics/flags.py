@@ -36,7 +36,7 @@ def _own(name: str, kind: type, default: Value, doc: str) -> Option:
 
 COMMANDS = {
     "build": Command("two-state photos in, MuJoCo-checked twin out", ("SCENE",),
-                     ("read", "fit", "articulate", "mesh", "check", "output")),
+                     ("read", "fit", "stereo", "search", "articulate", "mesh", "check", "output")),
     "check": Command("the simulator checks alone, on a twin folder or MJCF file", ("PATH",),
                      ("check",)),
     "capture": Command("render a two-state scene with ground truth from an MJCF or URDF model",

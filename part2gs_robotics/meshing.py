@@ -96,7 +96,7 @@ def build_parts(scene: Scene, gaussians: tuple[Gaussians, Gaussians], motion: Mo
     surfaces = [closed_surface(s, part_name(k), config.clearance_voxels)
                 for k, s in enumerate(solids)]
     surfaces = _apart(surfaces, place, solids)
-    return tuple(_part(k, surfaces[k], place, maps, grid.voxel, motion)
+    return tuple(_part(k, surfaces[k], place, maps, grid.voxel, motion, config.convex)
                  for k in range(place.count))
 
 
@@ -217,7 +217,7 @@ def _apart(surfaces: list[Manifold], place: _Place, solids: list[Solid]) -> list
 
 
 def _part(part: int, surface: Manifold, place: _Place, maps: list[PartMaps], voxel: float,
-          motion: Motion) -> Part:
+          motion: Motion, convex: bool) -> Part:
     """Return the finished part: colours, collision pieces, joint and limits."""
     from part2gs_robotics.convex import convex_pieces
 
@@ -228,7 +228,9 @@ def _part(part: int, surface: Manifold, place: _Place, maps: list[PartMaps], vox
     value = joint.value if joint else 0.0
     name, carrier = part_name(part), place.parents[part - 1] if part else -1
     diagnostics = motion.diagnostics[part - 1] if 0 < part <= len(motion.diagnostics) else {}
-    return Part(name, carrier, mesh, convex_pieces(mesh, tolerance=voxel), joint,
+    # One piece at most is the hull of the whole part.
+    pieces = convex_pieces(mesh, tolerance=voxel, max_pieces=64 if convex else 1)
+    return Part(name, carrier, mesh, pieces, joint,
                 (min(0.0, value), max(0.0, value)), "measured", place.num_gaussians[part],
                 dict(diagnostics))
 

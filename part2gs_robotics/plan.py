@@ -118,11 +118,13 @@ def _fitting(scene: Scene, config: Config) -> tuple[PlanItem, ...]:
         PlanItem("rendering on CUDA", config.fit.device == "cuda", device),
         PlanItem("depth term", any(with_depth) and config.fit.depth_weight > 0,
                  depth if config.fit.depth_weight else "--depth-weight is 0"),
-        PlanItem("hollows by stereo", not all(with_depth), "silhouettes cannot see into hollows"
-                 if not all(with_depth) else "depth images show them"),
+        PlanItem("hollows by stereo", not all(with_depth) and config.stereo.stereo,
+                 "depth images show them" if all(with_depth) else "off by --no-stereo"
+                 if not config.stereo.stereo else "silhouettes cannot see into hollows"),
         PlanItem("depth smoothness", not all(with_depth) and config.fit.smooth_weight > 0, smooth),
-        PlanItem("view-dependent colour", True, "kept only if held-out views gain by it",
-                 "during"),
+        PlanItem("view-dependent colour", True, "kept only if held-out views gain by it", "during")
+        if config.fit.view_color else
+        PlanItem("view-dependent colour", False, "off by --no-view-color"),
     )
 
 
@@ -173,7 +175,8 @@ def _geometry(config: Config) -> tuple[PlanItem, ...]:
     return (
         PlanItem("meshing", True, f"{config.mesh.resolution} cells along the longest side"),
         PlanItem("convex decomposition", True, "decided per part: a convex part needs none",
-                 "during"),
+                 "during") if config.mesh.convex else
+        PlanItem("convex decomposition", False, "off by --no-convex: one hull per part"),
         PlanItem("simulator checks", True,
                  f"{config.check.sweep_values} joint values per joint, MuJoCo and exact geometry"),
     )

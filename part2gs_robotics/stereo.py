@@ -10,6 +10,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from part2gs_robotics.config import StereoConfig
 from part2gs_robotics.evidence import SOLID_ALPHA, DepthMaps
 from part2gs_robotics.hull import Hull
 from part2gs_robotics.scene import StateViews
@@ -19,9 +20,7 @@ from part2gs_robotics.stereo_kernels import aggregate, hull_span, matching_cost
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
 
-OBJECT_SIDE = 110  # pixels of the object's longer side: a bin is about a pixel of parallax then
-MOST_VIEWS = 64  # depth maps per state: more see nothing new and cost 0.25 s each
-BINS = 96  # depths between the nearest and the farthest point of the hull
+BINS = 96  # depths from the hull's nearest to farthest point: a pixel of parallax at 110 pixels
 NEIGHBORS = 12  # views compared: up to about 45 degrees away in a set of 64
 USED = 0.75  # share of them that counts: the others may be blocked
 NEAREST = 3.0  # degrees: closer views have no parallax
@@ -30,18 +29,21 @@ MARCH = 0.7  # voxels per step along a ray: no wall of the hull is jumped
 DIRECTIONS = ((0, 1), (0, -1), (1, 0), (-1, 0), (1, 1), (-1, -1), (1, -1), (-1, 1))
 
 
-def stereo_depths(state: StateViews, hull: Hull) -> tuple[DepthMaps, SmallViews]:
+def stereo_depths(state: StateViews, hull: Hull, config: StereoConfig | None = None,
+                  ) -> tuple[DepthMaps, SmallViews]:
     """Return first-surface depth maps of the training views, and the small photos they belong to.
 
     Args:
         state: photos; held-out views are not used.
         hull: bounds every depth.
+        config: how many views, and how large the object is in them; None = the standard preset.
 
     Returns:
-        Depth maps (0 = unknown) and the views, both at a size that shows the object OBJECT_SIDE
-        pixels large.
+        Depth maps (0 = unknown) and the views, both at that size.
     """
-    views = small_views(state, min(MOST_VIEWS, len(state)), _side(state))
+    config = config or StereoConfig()
+    side = _side(state, config.stereo_side)
+    views = small_views(state, min(config.stereo_views, len(state)), side)
     solid = np.maximum(views.alphas, 1e-3)[..., None]
     images = np.ascontiguousarray(views.colors / solid, np.float32)
     eyes = -np.einsum("vji,vj->vi", views.viewmats[:, :3, :3], views.viewmats[:, :3, 3])
@@ -57,15 +59,15 @@ def stereo_depths(state: StateViews, hull: Hull) -> tuple[DepthMaps, SmallViews]
     return DepthMaps(depths, views.alphas, views.Ks, views.viewmats), views
 
 
-def _side(state: StateViews) -> int:
-    """Return the longest image side at which the object is OBJECT_SIDE pixels large."""
+def _side(state: StateViews, wanted: int) -> int:
+    """Return the longest image side at which the object is `wanted` pixels large."""
     sizes: list[int] = []
     for alpha in state.alphas:
         rows, cols = np.flatnonzero(alpha.any(1)), np.flatnonzero(alpha.any(0))
         if len(rows):
             sizes.append(max(int(np.ptp(rows)), int(np.ptp(cols))) + 1)
     longest = max(state.width, state.height)
-    return max(16, round(longest * min(1.0, OBJECT_SIDE / float(np.median(sizes or [longest])))))
+    return max(16, round(longest * min(1.0, wanted / float(np.median(sizes or [longest])))))
 
 
 def _depth(views: SmallViews, images: F32, v: int, near: NDArray[np.int64], hull: Hull) -> F32:

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from part2gs_robotics.config import SearchConfig
 from part2gs_robotics.errors import FitError
 from part2gs_robotics.evidence import DepthMaps, observe, render_depth_maps
 from part2gs_robotics.gaussians import Gaussians
@@ -19,12 +20,9 @@ from part2gs_robotics.small_views import SmallViews, small_views
 from part2gs_robotics.surfels import Surfels, fuse_surfels, sampling
 
 F64 = NDArray[np.float64]
-SURFEL_VOXEL = 0.01  # of the diagonal: about 15,000 surfels a state, a labelling in 0.1 s
 SELF_TOLERANCE = 0.012  # of the diagonal: a surfel its own state sees past is a floater
 FREE_TOLERANCE = 0.015  # of the diagonal: above the depth error of four pixels out of five
 MIN_VIEWS = 3  # votes needed to call a place free or occupied
-PROOF_VIEWS = 12  # per state, spread: every side is seen by several
-PROOF_SIDE = 128  # pixels: 5 ms a render, parts of 2 % of the diagonal still visible
 
 
 @dataclass(frozen=True)
@@ -69,12 +67,19 @@ class Study:
         return hard[:n0][self.nearest[0]], hard[n0:][self.nearest[1]]
 
 
-def gather(scene: Scene, gaussians: tuple[Gaussians, Gaussians]) -> Study:
+def gather(scene: Scene, gaussians: tuple[Gaussians, Gaussians],
+           config: SearchConfig | None = None) -> Study:
     """Return the study of two fitted states.
+
+    Args:
+        scene: images of both states.
+        gaussians: of both states.
+        config: size of surfels and small views; None = the standard preset.
 
     Raises:
         FitError: a state's Gaussians show no surface.
     """
+    config = config or SearchConfig()
     maps = (
         render_depth_maps(gaussians[0], scene.states[0]),
         render_depth_maps(gaussians[1], scene.states[1]),
@@ -85,7 +90,8 @@ def gather(scene: Scene, gaussians: tuple[Gaussians, Gaussians]) -> Study:
     rough = float(
         np.linalg.norm(np.quantile(solid, 0.998, axis=0) - np.quantile(solid, 0.002, axis=0))
     )
-    surfels = [_own_surface(maps[s], scene.states[s].images, rough) for s in (0, 1)]
+    size = config.surfel_size
+    surfels = [_own_surface(maps[s], scene.states[s].images, rough, size) for s in (0, 1)]
     _require_surface(surfels[0].points, surfels[1].points)
     points = np.concatenate([s.points for s in surfels])
     lo, hi = points.min(0), points.max(0)
@@ -102,7 +108,7 @@ def gather(scene: Scene, gaussians: tuple[Gaussians, Gaussians]) -> Study:
                 maps[s],
                 lo - 0.05 * diag,
                 hi + 0.05 * diag,
-                SURFEL_VOXEL * diag,
+                size * diag,
                 0.05 * diag,
             )
         )
@@ -110,7 +116,7 @@ def gather(scene: Scene, gaussians: tuple[Gaussians, Gaussians]) -> Study:
         np.asarray(cKDTree(surfels[s].points).query(gaussians[s].means)[1], np.int64)
         for s in (0, 1)
     ]
-    views = [small_views(state, PROOF_VIEWS, PROOF_SIDE) for state in scene.states]
+    views = [small_views(state, config.proof_views, config.proof_side) for state in scene.states]
     pair = surfels[0], surfels[1]
     return Study(
         gaussians,
@@ -133,8 +139,8 @@ def _require_surface(*states: NDArray[np.floating]) -> None:
                            f"{MIN_VIEWS} views see; check the poses and the scale of the scene.")
 
 
-def _own_surface(maps: DepthMaps, images: NDArray[np.uint8], diag: float) -> Surfels:
-    voxel, stride = sampling(maps, SURFEL_VOXEL * diag)
+def _own_surface(maps: DepthMaps, images: NDArray[np.uint8], diag: float, size: float) -> Surfels:
+    voxel, stride = sampling(maps, size * diag)
     surfels = fuse_surfels(maps, images, voxel, min_views=MIN_VIEWS, stride=stride)
     seen = observe(surfels.points, maps, SELF_TOLERANCE * diag)
     return surfels.select((seen.surface >= MIN_VIEWS) & (seen.free < 0.5 * seen.surface))
