@@ -28,6 +28,7 @@ if TYPE_CHECKING:
 F64 = NDArray[np.float64]
 STEPS = 25  # the start is within a degree; Adam moves at most STEPS * RATE
 RATE = 2e-3  # rad and diagonals per step
+BETAS, EPSILON = (0.9, 0.999), 1e-8  # Adam's own; a gradient of rounding alone moves nothing
 FEWEST = 20  # points of a part per state that may pull on its joint
 
 
@@ -55,25 +56,35 @@ def physical_steps(
 def _descend(part: Part, joint: Joint, number: int, config: ArticulateConfig) -> Joint:
     if min(len(part.zero), len(part.one)) < FEWEST:
         return joint
-    pull = Pull(part, joint, config)
-    free = torch.from_numpy(np.concatenate([joint.axis, joint.origin / part.diag]))
-    free.requires_grad_(True)
     scale = 1.0 if joint.kind == "revolute" else part.diag
-    value = torch.tensor(joint.value / scale, dtype=torch.float64, requires_grad=True)
-    adam = torch.optim.Adam([free, value], lr=RATE)
+    numbers = np.concatenate([joint.axis, joint.origin / part.diag, [joint.value / scale]])
+    require_finite({"joint": numbers}, f"part {number}", 1)
+    pull = Pull(part, joint, config)
+    said = " and ".join(pull.terms).replace("_", " ")
+    first, second = np.zeros_like(numbers), np.zeros_like(numbers)
     best, kept = np.inf, joint
     for step in range(1, STEPS + 1):
-        numbers = np.append(free.detach().numpy(), value.detach().numpy())
         require_finite({"joint": numbers}, f"part {number}", step)
-        loss = pull(free[:3], free[3:] * part.diag, value * scale)
+        free = torch.tensor(numbers, requires_grad=True)
+        loss = pull(free[:3], free[3:6] * part.diag, free[6] * scale)
         score = float(loss.detach())
-        require_finite({" and ".join(pull.terms): score}, f"part {number}", step)
+        require_finite({said: score}, f"part {number}", step)
         if score < best:
             best, kept = score, _joint_of(joint, numbers, scale, part.diag)
-        adam.zero_grad()
-        loss.backward()
-        adam.step()
+        loss.backward()  # type: ignore[no-untyped-call]
+        numbers = numbers - _adam(first, second, free.grad.numpy(), step)
     return kept
+
+
+def _adam(first: F64, second: F64, gradient: F64, step: int) -> F64:
+    """Return Adam's step and update its moments in place.
+
+    As torch.optim.Adam, whose import takes 3 s for a compiler that nothing here needs.
+    """
+    first += (1.0 - BETAS[0]) * (gradient - first)
+    second += (1.0 - BETAS[1]) * (gradient * gradient - second)
+    root = np.sqrt(second / (1.0 - BETAS[1] ** step)) + EPSILON
+    return np.asarray(RATE / (1.0 - BETAS[0] ** step) * first / root)
 
 
 def _joint_of(joint: Joint, numbers: F64, scale: float, diag: float) -> Joint:

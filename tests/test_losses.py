@@ -13,10 +13,12 @@ from part2gs_robotics.losses import (
     geman_mcclure,
     grid_signed_distance,
     moved_points,
+    repel_loss,
     rotation_angle,
     vector_field_loss,
     velocity_loss,
 )
+from part2gs_robotics.repel import REPEL_EPSILON, repel_forces
 from part2gs_robotics.se3 import rotation_from_rotvec, screw_motion
 
 BOTH = pytest.mark.parametrize("paper", [False, True])
@@ -124,6 +126,52 @@ def test_velocity_loss_separates_parts():
     shift = parts @ tensor([[1.0, 0, 0], [0, -2.0, 0]])
     assert velocity_loss(p0, p0 + shift, parts, paper=True).item() < 1e-24
     assert velocity_loss(p0, p0 + shift, parts.sum(1, keepdim=True), paper=True).item() > 1
+
+
+def test_velocity_loss_with_a_given_turn_is_zero_for_that_turn_alone():
+    p0 = tensor(RNG.normal(size=(20, 3)))
+    ones = torch.ones(20, 1, dtype=torch.float64)
+    turn = rotation([0.3, -1.0, 0.4])
+    p1 = p0 @ turn.T + tensor([1.0, 2.0, 3.0])
+    assert velocity_loss(p0, p1, ones, rotations=turn[None]).item() < 1e-20
+    eye = torch.eye(3, dtype=torch.float64)[None]
+    printed = velocity_loss(p0, p1, ones, paper=True).item()
+    assert velocity_loss(p0, p1, ones, rotations=eye).item() == pytest.approx(printed)
+    rotations = eye.clone().requires_grad_()
+    assert_gradients(lambda r: velocity_loss(p0, p1, ones, rotations=r), rotations)
+
+
+@pytest.mark.parametrize("voxel", [0.02, 1e9])
+def test_repel_energy_is_the_potential_of_the_corrected_push(voxel):
+    """Bounded (0.02: half of the pairs) and unbounded (1e9) pushes alike."""
+    rng = np.random.default_rng(4)
+    points, repels = tensor(rng.uniform(size=(40, 3)), True), rng.uniform(size=(60, 3))
+    strength = 5e-4 if voxel < 1 else 1e-3
+    energy = repel_loss(points, tensor(repels), voxel, strength)
+    energy.backward()
+    forces = repel_forces(points.detach().numpy(), repels, voxel, strength)
+    np.testing.assert_allclose(points.grad.numpy(), -forces / 40, rtol=1e-9, atol=1e-15)
+    assert_gradients(lambda p: repel_loss(p, tensor(repels), voxel, strength), points)
+
+
+def test_repel_energy_closed_forms():
+    point, seam = tensor([[0.0, 0, 0]]), tensor([[0.1, 0, 0]])
+    far = repel_loss(point, seam, 1e9, strength=5e-4).item()
+    assert far == pytest.approx(5e-4 / 0.1, rel=1e-7)  # k / s
+    near = np.sqrt(5e-4 / 0.01)  # the push reaches half a voxel of 0.02 here: 0.22 > 0.1
+    bounded = repel_loss(point, seam, 0.02, strength=5e-4).item()
+    assert bounded == pytest.approx(5e-4 / near + 0.01 * (near - 0.1), rel=1e-6)
+
+
+def test_repel_energy_is_finite_at_coincident_points_and_zero_without_seam():
+    here = tensor(np.zeros((3, 3)), True)
+    value = assert_finite(lambda p: repel_loss(p, tensor(np.zeros((9, 3))), 0.02), here)
+    assert value > 0
+    assert REPEL_EPSILON > 0
+    nothing = tensor(np.zeros((0, 3)), True)
+    assert assert_finite(lambda p: repel_loss(p, tensor(np.ones((2, 3))), 0.02), nothing) == 0.0
+    here = tensor(np.zeros((3, 3)), True)
+    assert assert_finite(lambda p: repel_loss(p, tensor(np.zeros((0, 3))), 0.02), here) == 0.0
 
 
 def drawer(depth_into_wall):

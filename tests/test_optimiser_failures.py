@@ -13,7 +13,7 @@ import pytest
 from part2gs_robotics import fit
 from part2gs_robotics.align import align
 from part2gs_robotics.build import build
-from part2gs_robotics.config import resolve
+from part2gs_robotics.config import ArticulateConfig, resolve
 from part2gs_robotics.depth_smooth import smooth_term
 from part2gs_robotics.errors import FitError
 from part2gs_robotics.fit import FitConfig, FitRun, fit_state
@@ -188,10 +188,10 @@ def test_a_bad_point_stops_the_physical_steps():
     hard = np.tile(np.repeat([0, 1], 30), 2)
     joint = Joint("revolute", np.array([0.0, 0, 1]), np.zeros(3), np.nan)
     with pytest.raises(FitError, match="part 1, step 1: 1 of 7 values of 'joint'"):
-        physical_steps(study, [joint], hard, False)
+        physical_steps(study, [joint], hard, ArticulateConfig())
     study.tau = np.nan
     with pytest.raises(FitError, match=r"part 1, step 1: .*'vector field and contact'"):
-        physical_steps(study, [replace(joint, value=0.1)], hard, False)
+        physical_steps(study, [replace(joint, value=0.1)], hard, ArticulateConfig())
 
 
 def test_a_nan_stops_the_build_and_the_last_good_result_is_named(tmp_path, monkeypatch):

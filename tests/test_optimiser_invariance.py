@@ -13,6 +13,7 @@ from part2gs_robotics import se3
 from part2gs_robotics.align import FINE, align
 from part2gs_robotics.align_steps import at
 from part2gs_robotics.canonical import canonical_field
+from part2gs_robotics.config import ArticulateConfig
 from part2gs_robotics.evidence import DepthMaps
 from part2gs_robotics.fit import FitConfig, FitRun
 from part2gs_robotics.hull import carve
@@ -254,7 +255,7 @@ def test_physical_steps_do_not_know_the_unit(scale):
         study = SimpleNamespace(surfels=states, diag=1.5 * unit, tau=0.02 * unit)
         hard = np.tile(np.repeat([0, 1], [400, 300]), 2)
         start = Joint("prismatic", np.array([0.02, 0, 1.0]) / 1.0002**0.5, np.zeros(3), 0.29 * unit)
-        joints += physical_steps(study, [start], hard, False)
+        joints += physical_steps(study, [start], hard, ArticulateConfig())
         rows += part_diagnostics(study, joints[-1:], hard, False)[0]
     assert_same_joint(joints[1], joint_placed(joints[0], scale, np.eye(4)), scale, np.zeros(3))
     powers = {"contact_loss": 2, "velocity_loss": 2, "motion_residual": 1, "repel_gradient": 1}
