@@ -102,7 +102,7 @@ def found_motions(
             "clearly different states."
         )
     clock.tick("evidence", 1)
-    pool = _pool(study, np.random.default_rng(config.seed), moved, search.patches)
+    pool = _pool(study, np.random.default_rng(config.seed), moved, search)
     clock.tick("search", 2)
     verdict = _decide(study, pool, config.parts, scene)
     clock.tick("decision", 3, len(verdict.motions))
@@ -123,12 +123,15 @@ class Clock:
             self.progress(step, 5, float(parts))
 
 
-def _pool(study: Study, rng: np.random.Generator, moved: int, patches: int) -> list[Hypothesis]:
+def _pool(
+    study: Study, rng: np.random.Generator, moved: int, search: SearchConfig
+) -> list[Hypothesis]:
     from part2gs_robotics.motion_select import choose, propose
     from part2gs_robotics.motion_snap import distinct, slide_families, snapped
 
-    first = round(SHARE_0 * patches)
-    found = propose(study.evidence, study.lands, study.box, (first, patches - first), rng)
+    first = round(SHARE_0 * search.patches)
+    seeds = first, search.patches - first
+    found = propose(study.evidence, study.lands, study.box, seeds, rng, search.patch_points)
     ranked = sorted(
         choose(found, study.evidence, study.lands, study.diag, POOL_PRICE * moved),
         key=lambda p: -p[1],

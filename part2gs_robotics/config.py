@@ -64,9 +64,9 @@ BOUNDS: dict[str, tuple[float, float]] = {
     "max_gaussians": (100, 10_000_000), "hull_resolution": (16, 1024), "alpha_weight": (0, 1e3),
     "opacity_weight": (0, 1e3), "depth_weight": (0, 1e3), "smooth_weight": (0, 1e3),
     "stereo_views": (3, 10_000), "stereo_side": (16, 1024), "surfel_size": (1e-3, 0.1),
-    "patches": (2, 1000), "proof_views": (2, 1000), "proof_side": (16, 2048),
-    "align_views": (2, 1000), "align_side": (16, 4096), "sharp_side": (16, 4096),
-    "parts": (1, 64), "resolution": (16, 1024), "clearance_voxels": (0, 16),
+    "patches": (2, 1000), "patch_points": (12, 1000), "proof_views": (2, 1000),
+    "proof_side": (16, 2048), "align_views": (2, 1000), "align_side": (16, 4096),
+    "sharp_side": (16, 4096), "parts": (1, 64), "resolution": (16, 1024), "clearance_voxels": (0, 16),
     "sweep_values": (3, 10_001), "seed": (0, 2**31 - 1),
 }
 

@@ -76,6 +76,8 @@ class SearchConfig:
     """size of a surface element, as a share of the object's diagonal"""
     patches: int = 22
     """pieces of moved surface whose motion is searched"""
+    patch_points: int = 80
+    """points of each that rank 100,000 motions"""
     proof_views: int = 12
     """photos per state that judge how many parts move"""
     proof_side: int = 128

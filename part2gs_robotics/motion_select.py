@@ -53,6 +53,7 @@ def propose(
     box: tuple[F64, F64],
     seeds: tuple[int, int],
     rng: np.random.Generator,
+    patch_points: int = PATCH_POINTS,
 ) -> list[Hypothesis]:
     """Return refined hypotheses of patches spread over the evidence of both states."""
     diag = float(np.linalg.norm(box[1] - box[0]))
@@ -67,7 +68,7 @@ def propose(
             )
             if len(near) < 15:
                 continue
-            patch = surfels.select(rng.permutation(near)[:PATCH_POINTS])
+            patch = surfels.select(rng.permutation(near)[:patch_points])
             axes = directions(lands[0].surfels, patch, rng)
             ranked = search_patch(patch, lands[1 - state], axes, box, SEARCH_TAU * diag, state == 0)
             local = surfels.select(rng.permutation(near)[:400])

@@ -27,17 +27,27 @@ class SmallViews:
     Ks: F64
     viewmats: F64
 
+    def select(self, index: list[int]) -> SmallViews:
+        """Return the views of these indices."""
+        return SmallViews(self.colors[index], self.alphas[index], self.Ks[index],
+                          self.viewmats[index])
+
+
+def spread(viewmats: F64, count: int) -> list[int]:
+    """Return indices of up to `count` cameras [V, 4, 4] far from each other, in order."""
+    centres = np.stack([-m[:3, :3].T @ m[:3, 3] for m in viewmats])
+    pick = [0]
+    gap = np.full(len(centres), np.inf)
+    for _ in range(min(count, len(centres)) - 1):
+        gap = np.minimum(gap, ((centres - centres[pick[-1]]) ** 2).sum(1))
+        pick.append(int(gap.argmax()))
+    return sorted(pick)
+
 
 def small_views(state: StateViews, count: int, side: int) -> SmallViews:
     """Return `count` training views spread over the sphere, longest side `side` pixels."""
     train = np.flatnonzero(~state.held_out)
-    centres = np.stack([-m[:3, :3].T @ m[:3, 3] for m in state.viewmats[train]])
-    pick = [0]
-    gap = np.full(len(train), np.inf)
-    for _ in range(min(count, len(train)) - 1):
-        gap = np.minimum(gap, ((centres - centres[pick[-1]]) ** 2).sum(1))
-        pick.append(int(gap.argmax()))
-    index = train[sorted(pick)]
+    index = train[spread(state.viewmats[train], count)]
     scale = min(1.0, side / max(state.width, state.height))
     size = (max(1, round(state.width * scale)), max(1, round(state.height * scale)))
     colors, alphas = [], []

@@ -14,12 +14,13 @@ from part2gs_robotics.config import StereoConfig
 from part2gs_robotics.evidence import SOLID_ALPHA, DepthMaps
 from part2gs_robotics.hull import Hull
 from part2gs_robotics.scene import StateViews
-from part2gs_robotics.small_views import SmallViews, small_views
+from part2gs_robotics.small_views import SmallViews, small_views, spread
 from part2gs_robotics.stereo_kernels import aggregate, hull_span, matching_cost
 
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
 
+COMPARED = 64  # photos per state that depth maps are compared with; more see nothing new
 BINS = 96  # depths from the hull's nearest to farthest point: a pixel of parallax at 110 pixels
 NEIGHBORS = 12  # views compared: up to about 45 degrees away in a set of 64
 USED = 0.75  # share of them that counts: the others may be blocked
@@ -43,20 +44,22 @@ def stereo_depths(state: StateViews, hull: Hull, config: StereoConfig | None = N
     """
     config = config or StereoConfig()
     side = _side(state, config.stereo_side)
-    views = small_views(state, min(config.stereo_views, len(state)), side)
+    views = small_views(state, max(config.stereo_views, COMPARED), side)
     solid = np.maximum(views.alphas, 1e-3)[..., None]
     images = np.ascontiguousarray(views.colors / solid, np.float32)
     eyes = -np.einsum("vji,vj->vi", views.viewmats[:, :3, :3], views.viewmats[:, :3, 3])
     middle = 0.5 * (hull.lo + hull.hi)
     gaze = (middle - eyes) / np.linalg.norm(middle - eyes, axis=1, keepdims=True)
     angles = np.degrees(np.arccos(np.clip(gaze @ gaze.T, -1, 1)))
+    mapped = spread(views.viewmats, config.stereo_views)
     depths = np.zeros(views.alphas.shape, np.float32)
-    for v in range(len(depths)):
+    for v in mapped:
         order = np.argsort(angles[v], kind="stable")
         near = order[angles[v, order] > NEAREST][:NEIGHBORS]
         if len(near):
             depths[v] = _depth(views, images, v, near, hull)
-    return DepthMaps(depths, views.alphas, views.Ks, views.viewmats), views
+    own = views.select(mapped)
+    return DepthMaps(depths[mapped], own.alphas, own.Ks, own.viewmats), own
 
 
 def _side(state: StateViews, wanted: int) -> int:
