@@ -22,8 +22,8 @@ from types import ModuleType
 from typing import Any
 
 from ablation_report import RESULTS, publish, summary
-from ablation_score import kit_of, scored
-from ablation_variants import variants
+from ablation_score import averaged, kit_of, scored
+from ablation_variants import AVERAGED, variants
 
 from part2gs_robotics.articulate import Clock, found_motions, settled_motion
 from part2gs_robotics.config import ArticulateConfig, FitConfig, ReadConfig
@@ -111,7 +111,8 @@ def run_seed(kit: ModuleType, path: Path, folder: Path, seed: int) -> None:
             began = time.monotonic()
             motion = settled_motion(scene, study, verdict, wanted[name], Clock(None))
             seconds = time.monotonic() - began
-            found = scored(kit, truth, gaussians, motion)
+            surface = averaged(gaussians) if name == AVERAGED else (gaussians, (0, 1))
+            found = scored(kit, truth, surface[0], motion, surface[1])
             kept = [row.get("physics_kept", 0.0) for row in motion.diagnostics]
             row = {"object": path.name, "seed": seed, "variant": name, "seconds": seconds,
                    "joints_pulled": sum(kept), **found}

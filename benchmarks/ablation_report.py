@@ -14,7 +14,7 @@ from typing import Any
 from ablation_figure import draw
 from ablation_score import METRICS
 from ablation_statistics import Paired, holm, paired, together, verdict
-from ablation_variants import NAMES, PRINTED, SWITCHES, comparisons
+from ablation_variants import AVERAGED, NAMES, PRINTED, SWITCHES, comparisons
 from raster_machine import commit
 
 from part2gs_robotics.store import write_text_atomic
@@ -28,7 +28,8 @@ BEGIN, END = "<!-- ablation:begin -->", "<!-- ablation:end -->"
 TITLES = {
     "identity": "Part identities", "articulation": "Articulation loss", "repel": "Repel points",
     "vector_field": "Vector-field loss", "velocity": "Velocity loss", "contact": "Contact loss",
-    "physics": "The three physical losses together", "alignment": "Second-order alignment",
+    "canonical": "Averaged centres", "physics": "The three physical losses together",
+    "alignment": "Second-order alignment",
     "pull before alignment": "Vector field and contact before alignment",
 }  # fmt: skip
 DIGITS = {"axis_deg": 3, "motion_pct": 3, "cd_m": 3, "miou": 3}
@@ -52,16 +53,17 @@ def values_of(runs: Sequence[dict[str, Any]]) -> dict[Key, dict[str, dict[str, f
     """Return metrics per (object, seed) and variant, over parts that all of its variants found.
 
     A part that one variant loses would otherwise raise or lower its mean; how many parts each found
-    is kept beside.
+    is kept beside. Averaged centres may lose any part: they do not decide.
     """
     groups: dict[Key, list[dict[str, Any]]] = defaultdict(list)
     for run in runs:
         groups[run["object"], run["seed"]].append(run)
     found: dict[Key, dict[str, dict[str, float]]] = {}
     for key, group in groups.items():
-        common = set.intersection(*({p["part"] for p in run["parts"] if p["found"]}
-                                    for run in group))
-        found[key] = {run["variant"]: _metrics(run, common) for run in group}
+        seen = {run["variant"]: {p["part"] for p in run["parts"] if p["found"]} for run in group}
+        common = set.intersection(*(parts for name, parts in seen.items() if name != AVERAGED))
+        found[key] = {run["variant"]: _metrics(run, common & seen[run["variant"]])
+                      for run in group}
     return found
 
 
@@ -80,7 +82,7 @@ def tests_of(values: dict[Key, dict[str, dict[str, float]]]) -> list[dict[str, A
     raw: dict[str, float] = {}
     for c in comparisons():
         both = [row for row in values.values() if c.before in row and c.after in row
-                and row[c.before]["parts_common"]]
+                and row[c.before]["parts_common"] and row[c.after]["parts_common"]]
         for metric, (_, larger) in METRICS.items():
             if not both:
                 continue
@@ -147,7 +149,8 @@ def markdown(result: dict[str, Any]) -> str:
 
 def sentences() -> list[tuple[str, str]]:
     """Return the (term, form) pairs that get a sentence."""
-    return [(c.key, c.form) for c in comparisons() if c.form != "printed for corrected"]
+    return [(c.key, c.form) for c in comparisons()
+            if c.form != "printed for corrected" or c.after == AVERAGED]
 
 
 def sentence(result: dict[str, Any], term: str, form: str) -> str:
@@ -168,9 +171,9 @@ def _means(result: dict[str, Any], name: str) -> list[str]:
     cells = []
     for variant in (name, name + PRINTED):
         rows = [run for run in result["runs"] if run["variant"] == variant]
-        if variant == name:
+        if variant == name or name + PRINTED == AVERAGED:
             found, true = (sum(r[k] for r in rows) for k in ("parts_found", "parts_true"))
-            cells = [NAMES[name], f"{found:.0f} of {true:.0f}"]
+            cells = [NAMES[name], f"{found:.0f} of {true:.0f}", *cells[2:]]
         known = [r for r in rows if r["parts_common"]]
         cells += [f"{sum(r[m] for r in known) / len(known):.{DIGITS[m]}f}" if known else "-"
                   for m in METRICS]

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from part2gs_robotics import se3
 from part2gs_robotics.articulate import Motion
+from part2gs_robotics.canonical import canonical_field
 from part2gs_robotics.gaussians import Gaussians
 from part2gs_robotics.joints import Joint
 from part2gs_robotics.se3 import rotation_from_quats
@@ -46,7 +47,8 @@ class GaussianTwin:
 
     states = (0, 1)
 
-    def __init__(self, gaussians: tuple[Gaussians, Gaussians], motion: Motion) -> None:
+    def __init__(self, gaussians: tuple[Gaussians, Gaussians], motion: Motion,
+                 sources: tuple[int, ...] = (0, 1)) -> None:
         self.parts = [{"name": f"part_{k}", "type": joint.kind, "axis": joint.axis,
                        "point": joint.origin, "motion": joint.value}
                       for k, joint in enumerate(motion.joints, 1)]
@@ -54,7 +56,7 @@ class GaussianTwin:
         labels = [motion.labels(s) for s in (0, 1)]
         self._meshes = {}
         for k, move in enumerate(moves):
-            own = [_rectangles(gaussians[s], labels[s] == k) for s in (0, 1)]
+            own = [_rectangles(gaussians[s], (labels[s] == k) & (s in sources)) for s in (0, 1)]
             self._meshes[k, 0] = np.concatenate([own[0], _moved(se3.inverse(move), own[1])])
             self._meshes[k, 1] = np.concatenate([_moved(move, own[0]), own[1]])
 
@@ -84,7 +86,7 @@ def _moved(move: F64, corners: F64) -> F64:
 
 
 def scored(kit: ModuleType, truth: Any, gaussians: tuple[Gaussians, Gaussians],
-           motion: Motion) -> dict[str, Any]:
+           motion: Motion, sources: tuple[int, ...] = (0, 1)) -> dict[str, Any]:
     """Return the errors of a motion: one row per true part, and mIoU of the Gaussians' labels.
 
     Args:
@@ -92,8 +94,9 @@ def scored(kit: ModuleType, truth: Any, gaussians: tuple[Gaussians, Gaussians],
         truth: its `GroundTruth` of the scene.
         gaussians: of both states.
         motion: joints and part identities.
+        sources: states whose Gaussians are the surface.
     """
-    twin = GaussianTwin(gaussians, motion)
+    twin = GaussianTwin(gaussians, motion, sources)
     pairs = kit.match(twin, truth)
     rows = []
     for k, true in enumerate(truth.parts, 1):
@@ -110,6 +113,15 @@ def scored(kit: ModuleType, truth: Any, gaussians: tuple[Gaussians, Gaussians],
         rows.append(row)
     return {"parts": rows, "parts_found": len(pairs), "parts_extra": len(twin.parts) - len(pairs),
             "miou": kit.segmentation(twin, truth, pairs)["miou"]}
+
+
+def averaged(gaussians: tuple[Gaussians, Gaussians],
+             ) -> tuple[tuple[Gaussians, Gaussians], tuple[int, ...]]:
+    """Return Gaussians with the leading state's centres averaged (eq. 3), and that state."""
+    field = canonical_field(*gaussians, paper_mode=True)
+    both = list(gaussians)
+    both[field.reference_state] = field.gaussians[0]
+    return (both[0], both[1]), (field.reference_state,)
 
 
 def motion_error(kit: ModuleType, truth: Any, part: int, joint: Joint) -> float:

@@ -15,11 +15,13 @@ from part2gs_robotics.config import ArticulateConfig
 ORDER = ("identity", "articulation", "repel", "vector_field", "velocity", "contact")
 SWITCHES = (*ORDER, "alignment")
 NAMES = {
-    "vanilla": "vanilla", "identity": "+ parts", "articulation": "+ articulation loss",
+    "vanilla": "vanilla", "identity": "+ parts", "canonical": "parts, centres averaged",
+    "articulation": "+ articulation loss",
     "repel": "+ repel points", "vector_field": "+ vector field", "velocity": "+ velocity",
     "contact": "+ contact", "alignment": "parts, alignment", "ours": "ours (defaults)",
 }  # fmt: skip
 PRINTED = "_printed"
+AVERAGED = "canonical" + PRINTED  # eq. 3: surfaces of averaged centres, else as + parts
 
 
 @dataclass(frozen=True)
@@ -46,7 +48,7 @@ def variants(seed: int) -> dict[str, ArticulateConfig]:
     printed = {name + PRINTED: replace(config, paper_mode=True) for name, config in chain.items()}
     aligned = replace(off, identity=True, alignment=True)
     return {"vanilla": off, **chain, "alignment": aligned, "ours": ArticulateConfig(seed=seed),
-            **printed}
+            **printed, AVERAGED: chain["identity"]}
 
 
 def comparisons() -> list[Comparison]:
@@ -60,4 +62,5 @@ def comparisons() -> list[Comparison]:
     found.append(Comparison("alignment", "corrected", "identity", "alignment"))
     found.append(Comparison("pull before alignment", "corrected", "alignment", "ours"))
     return found + [Comparison(name, "printed for corrected", name, name + PRINTED)
-                    for name in ORDER]
+                    for name in ORDER] + [
+        Comparison("canonical", "printed for corrected", "identity", AVERAGED)]

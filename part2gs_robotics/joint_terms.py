@@ -138,7 +138,7 @@ class Pull:
         frame = carried(torch.cat([torch.zeros(1, 3), torch.eye(3)]).double())[0]
         move = (frame[1:] - frame[0]).T, frame[0]
         if self.paper:
-            return {name: self._printed(name, *move) for name in self.terms}
+            return self._printed(*move)
         path = carried(self.zero, SWEEP)
         return {name: self._corrected(name, path, *move) for name in self.terms}
 
@@ -165,8 +165,8 @@ class Pull:
         energy = losses.repel_loss(path[-1, ::2] / part.diag, repels, REPEL_VOXEL)
         return energy / (sigma / part.diag) ** 2
 
-    def _printed(self, name: str, rot: Tensor, trans: Tensor) -> Tensor:
-        """Return a term as printed, lengths in diagonals: its weights have no other unit."""
+    def _printed(self, rot: Tensor, trans: Tensor) -> dict[str, Tensor]:
+        """Return the terms as printed, lengths in diagonals: their weights have no other unit."""
         diag, trans = self.part.diag, trans / self.part.diag
         first, second = (torch.from_numpy(p) / diag for p in self.part.pairs)
         zero = self.zero / diag
@@ -174,19 +174,22 @@ class Pull:
         second = second - self._push(first @ rot.T + trans)
         there = zero @ rot.T + trans
         there = there + self._push(there)
-        one_part = torch.ones(len(first), 1).double()
+        return {name: self._printed_one(name, rot, trans, (first, second), (zero, there))
+                for name in self.terms}
+
+    def _printed_one(self, name: str, rot: Tensor, trans: Tensor, pairs: tuple[Tensor, Tensor],
+                     points: tuple[Tensor, Tensor]) -> Tensor:
         if name == "articulation":
-            return losses.articulation_loss(rot, trans, first, second, rot_weight=ROT_WEIGHT,
-                                            paper=True)
+            return losses.articulation_loss(rot, trans, *pairs, rot_weight=ROT_WEIGHT, paper=True)
         if name == "vector_field":
-            return losses.vector_field_loss(first, second, rot[None], trans[None], one_part,
-                                            paper=True)
+            ones = torch.ones(len(pairs[0]), 1).double()
+            return losses.vector_field_loss(*pairs, rot[None], trans[None], ones, paper=True)
         if name == "velocity":
-            return losses.velocity_loss(zero, there, torch.ones(len(zero), 1).double(), paper=True)
+            return losses.velocity_loss(*points, torch.ones(len(points[0]), 1).double(), paper=True)
         if name == "contact":
-            static = torch.from_numpy(self.part.base.points / diag)
-            return losses.contact_loss(there, static_points=static, paper=True)
-        return self._push(there).norm(dim=-1).mean() * 0.0  # acts through the other terms
+            static = torch.from_numpy(self.part.base.points / self.part.diag)
+            return losses.contact_loss(points[1], static_points=static, paper=True)
+        return points[1].sum() * 0.0  # repel points act through the other terms
 
     def _push(self, points: Tensor) -> Tensor:
         """Return [n, 3] displacements by repel points, constant in the gradient; 0 if off."""

@@ -71,8 +71,8 @@ def _descend(part: Part, joint: Joint, number: int, config: ArticulateConfig) ->
         require_finite({said: score}, f"part {number}", step)
         if score < best:
             best, kept = score, _joint_of(joint, numbers, scale, part.diag)
-        loss.backward()  # type: ignore[no-untyped-call]
-        numbers = numbers - _adam(first, second, free.grad.numpy(), step)
+        slope = torch.autograd.grad(loss, free)[0].numpy()
+        numbers = numbers - _adam(first, second, slope, step)
     return kept
 
 

@@ -141,8 +141,8 @@ def _articulation(scene: Scene, config: Config) -> tuple[PlanItem, ...]:
                                "during")
     return (
         PlanItem("search for number of parts", parts is None, count),
-        PlanItem("centre averaging", mode, "paper mode averages matched centres" if mode
-                 else "averaged centres lie in neither state; only with --paper-mode"),
+        PlanItem("centre averaging", False, "averaged centres (eq. 3) lie in neither state; both "
+                 "states' Gaussians are kept, in paper mode as well"),
         competition,
         PlanItem("part identities", config.articulate.identity, "; ".join(
             ["neighbours and both states share out the parts" if config.articulate.identity

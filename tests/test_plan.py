@@ -49,11 +49,11 @@ def test_part_competition_follows_the_number_of_parts(scene: Scene) -> None:
     assert unknown.decided == "during"
 
 
-def test_search_only_without_parts_and_averaging_only_in_paper_mode(scene: Scene) -> None:
+def test_search_only_without_parts_and_centres_are_never_averaged(scene: Scene) -> None:
     assert make_plan(scene, Config())["search for number of parts"].used
     assert not make_plan(scene, resolve({"parts": 1}))["search for number of parts"].used
     assert not make_plan(scene, Config())["centre averaging"].used
-    assert make_plan(scene, resolve({"paper_mode": True}))["centre averaging"].used
+    assert not make_plan(scene, resolve({"paper_mode": True}))["centre averaging"].used
 
 
 def test_every_term_is_in_the_plan_and_follows_its_flag(scene: Scene) -> None:
