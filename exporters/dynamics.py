@@ -20,11 +20,13 @@ from part2gs_robotics.exporters.inertia import (
 )
 from part2gs_robotics.joints import Joint
 from part2gs_robotics.kinematics import moving_parts, subtree
+from part2gs_robotics.solids import bounds
 from part2gs_robotics.twin import Twin
 
 TRAVEL_TIME = 0.5  # s for the full range at top speed: a brisk human hand
 SERVO_FREQUENCY = 30.0  # rad/s, slowest servo: settles in 0.2 s
 SAG = 0.004  # of the range: allowed droop of the servo under gravity (the check allows 1 %)
+LEAST_SPAN = 1e-3  # rad, or of the size: a joint observed without motion still gets a servo
 ARMATURE = 0.02  # of the joint's inertia: conditioning without a visible change
 FRICTION = 0.02  # of the accelerating force
 FORCE_MARGIN = 3.0  # servo force above gravity plus acceleration
@@ -88,9 +90,10 @@ def physics_of(twin: Twin) -> Physics:
 def _joint_dynamics(twin: Twin, index: int, masses: tuple[MassProperties, ...]) -> JointDynamics:
     part = twin.parts[index]
     assert part.joint is not None  # moving parts have one
-    span = max(
-        part.limits[1] - part.limits[0], 1e-3
-    )  # 1e-3: a joint observed without motion still gets a servo
+    low, high = bounds(tuple(one.mesh for one in twin.parts))
+    slides = part.joint.kind == "prismatic"
+    least = LEAST_SPAN * (float(np.linalg.norm(high - low)) if slides else 1.0)
+    span = max(part.limits[1] - part.limits[0], least)
     carried = [masses[i] for i in subtree(twin, index)]
     inertia = sum(_felt(part.joint, m) for m in carried)
     load = max(

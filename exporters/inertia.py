@@ -32,14 +32,15 @@ class MassProperties:
 
 
 def density_per_unit(twin: Twin) -> float:
-    """Return kg per cubed scene unit; one metre per unit when the scale is unknown."""
-    return DENSITY * (twin.meters_per_unit or 1.0) ** 3
+    """Return kg per cubed scene unit."""
+    return DENSITY * (twin.meters_per_unit or twin.assumed_meters) ** 3
 
 
 def gravity_vector(twin: Twin) -> F64:
     """Return [3] gravity in scene units/s2, down = -up, +z up when unknown."""
     up = np.array([0.0, 0.0, 1.0]) if twin.up is None else np.asarray(twin.up, float)
-    return np.asarray(-GRAVITY / (twin.meters_per_unit or 1.0) * up / np.linalg.norm(up)) + 0.0
+    meters = twin.meters_per_unit or twin.assumed_meters
+    return np.asarray(-GRAVITY / meters * up / np.linalg.norm(up)) + 0.0
 
 
 def mass_properties(mesh: PartMesh, density: float) -> MassProperties:

@@ -64,7 +64,8 @@ def twin_document(twin: Twin) -> Tree:
 
 def _scale(twin: Twin) -> Tree:
     if twin.meters_per_unit is None:
-        note = "the scene gives no scale; masses and gravity take 1 m per unit"
+        taken = f"{twin.assumed_meters:g} m per unit"
+        note = f"the scene gives no scale; masses and gravity take {taken}"
         return _value("unknown", "assumed", note)
     return _value(twin.meters_per_unit, "measured", "given by the scene")
 

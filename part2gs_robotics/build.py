@@ -36,6 +36,7 @@ from part2gs_robotics.saved import (
     save_parts,
 )
 from part2gs_robotics.scene import Scene, StateViews
+from part2gs_robotics.scene_frame import frame_of, gaussians_in_scene, internal, parts_in_scene
 from part2gs_robotics.store import STAGES, Saved, Store
 from part2gs_robotics.twin import Part, Twin
 
@@ -100,15 +101,18 @@ def output_folder(scene: Path, wanted: str | None) -> Path:
 
 
 class _Corridor:
-    """One build: every room entered once, in order."""
+    """One build: every room entered once, in order; in internal units up to the exporters."""
 
     def __init__(self, scene: Scene, config: Config, store: Store, read_seconds: float) -> None:
-        self.scene, self.config, self.store = scene, config, store
+        self.metres, self.frame = scene.meters_per_unit, frame_of(scene)
+        self.scene, self.config, self.store = internal(scene, self.frame), config, store
         self.seconds: dict[str, float] = {}
         self.code = code_version()
         self.good = ""  # the last finished stage
         views = sum(len(state) for state in scene.states)
         self._done("read", read_seconds, f"{views} images")
+        logger.info("internal unit %g scene units, internal origin at %g %g %g", self.frame.unit,
+                    *self.frame.centre)
 
     def run(self) -> int:
         """Return the exit code of the build."""
@@ -122,12 +126,14 @@ class _Corridor:
         name = re.sub(r"[^a-z0-9_]+", "_", self.scene.path.resolve().name.lower()).strip("_")
         twin = Twin(name or "twin", parts, self.scene.meters_per_unit, self.scene.up,
                     (*self.scene.notes, *motion.notes))
-        twin = self._separate(twin)
+        twin = self._in_scene(self._separate(twin))
         began = time.monotonic()
         with self.store.new_files() as folder:
             text = yaml.safe_dump(to_dict(self.config), sort_keys=False)
-            report, summary = write_outputs(folder, self.store.out, self.scene, twin, fits, motion,
-                                            plan, self.seconds, text, self.config.check)
+            placed = gaussians_in_scene(gaussians[0], self.frame)
+            report, summary = write_outputs(folder, self.store.out, self.scene, twin, fits, placed,
+                                            motion, plan, self.seconds, text, self.config.check,
+                                            self.frame)
         self._done("export and check", time.monotonic() - began,
                    "checks pass" if report.ok else "checks FAIL")
         if not self.config.output.quiet:
@@ -202,6 +208,12 @@ class _Corridor:
         self._done("separate", time.monotonic() - began,
                    f"{sum(len(part.pieces) for part in apart.parts)} collision pieces")
         return apart
+
+    def _in_scene(self, twin: Twin) -> Twin:
+        """Return a twin of internal units in the scene's own."""
+        parts = parts_in_scene(twin.parts, self.frame, self.config.articulate.paper_mode)
+        return replace(twin, parts=parts, meters_per_unit=self.metres,
+                       assumed_meters=self.frame.assumed_meters)
 
     def _stage(self, name: str, key: str, compute: Callable[[], T], save: Callable[[T], Saved],
                load: Callable[[Saved], T], number: Callable[[T], str]) -> T:

@@ -115,7 +115,7 @@ def separate_pieces(twin: Twin, *, gap: float | None = None) -> Twin:
             replace(part, pieces=_finished(pieces, i, part.pieces, CRUMB * size**3))
             for i, part in enumerate(twin.parts)
         ),
-        notes=(*twin.notes, *_notes(twin, lost, distance, stuck)),
+        notes=(*twin.notes, *_notes(twin, lost, distance / size, stuck)),
     )
 
 
@@ -123,8 +123,8 @@ def _notes(twin: Twin, lost: float, gap: float, stuck: set[tuple[int, int]]) -> 
     notes = []
     if lost > 0:
         notes.append(
-            f"collision pieces cut back by {100 * lost:.2g} % of their volume to stay {gap:.2g} "
-            "units apart along all joints"
+            f"collision pieces cut back by {100 * lost:.2g} % of their volume to stay "
+            f"{100 * gap:.2g} % of the size apart along all joints"
         )
     names = sorted({f"{twin.parts[a].name} and {twin.parts[b].name}" for a, b in stuck})
     if names:

@@ -17,7 +17,6 @@ HEADER_BYTES = 1 << 20  # JPEG metadata before the size marker stays far below 1
 PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
 # JPEG markers that carry the frame size: SOF0..SOF15 without DHT (C4), JPG (C8) and DAC (CC)
 SOF_MARKERS = frozenset(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}
-MIN_DEPTH_M = 0.1  # depth cameras report nothing reliable nearer than 10 cm
 
 U8 = NDArray[np.uint8]
 
@@ -106,21 +105,18 @@ def read_mask(path: Path, size: tuple[int, int]) -> U8:
     return np.ascontiguousarray(mask)
 
 
-def read_depth(path: Path, size: tuple[int, int], unit: float) -> NDArray[np.float32]:
-    """Return [H, W] float32 z-depth in scene units, 0 = invalid, resized to nearest.
+def read_depth(path: Path, size: tuple[int, int]) -> NDArray[np.uint16]:
+    """Return [H, W] z-depth in the counts of the file, 0 = invalid, resized to nearest.
 
     Args:
         path: 16-bit PNG.
         size: (width, height) wanted; depth images may have another resolution.
-        unit: scene units per stored count (1e-3: millimetres in a metric scene).
     """
     pixels = decode(path)
     if pixels.ndim != 2 or pixels.dtype != np.uint16:
         raise SceneError(f"{path}: depth image is {pixels.dtype} with shape {pixels.shape}. "
                          "Expected one 16-bit channel; export 16-bit PNG or use --no-depth.")
-    depth = cv2.resize(pixels, size, interpolation=cv2.INTER_NEAREST).astype(np.float32) * unit
-    depth[depth < MIN_DEPTH_M] = 0.0
-    return np.asarray(depth, np.float32)
+    return resize_nearest(np.asarray(pixels, np.uint16), size)
 
 
 def _to_8_bit(pixels: NDArray[np.generic]) -> U8:
@@ -144,9 +140,9 @@ def resize_area(rgb: U8, alpha: U8, size: tuple[int, int]) -> tuple[U8, U8]:
     return _round_u8(out), _round_u8(small)
 
 
-def resize_nearest(depth: NDArray[np.float32], size: tuple[int, int]) -> NDArray[np.float32]:
+def resize_nearest(depth: NDArray[np.uint16], size: tuple[int, int]) -> NDArray[np.uint16]:
     """Resize depth to (width, height) without mixing depths across edges."""
-    return np.asarray(cv2.resize(depth, size, interpolation=cv2.INTER_NEAREST), np.float32)
+    return np.asarray(cv2.resize(depth, size, interpolation=cv2.INTER_NEAREST), np.uint16)
 
 
 class Undistorter:
@@ -173,9 +169,9 @@ class Undistorter:
         """Return undistorted straight colour and alpha."""
         return (self._remap(rgb, cv2.INTER_LINEAR), self._remap(alpha, cv2.INTER_LINEAR))
 
-    def depth(self, depth: NDArray[np.float32]) -> NDArray[np.float32]:
+    def depth(self, depth: NDArray[np.uint16]) -> NDArray[np.uint16]:
         """Return undistorted depth, nearest sample: depths must not be mixed across edges."""
-        return np.asarray(cv2.remap(depth, *self._maps, cv2.INTER_NEAREST), np.float32)
+        return np.asarray(cv2.remap(depth, *self._maps, cv2.INTER_NEAREST), np.uint16)
 
     def _remap(self, pixels: U8, interpolation: int) -> U8:
         return np.asarray(cv2.remap(pixels, *self._maps, interpolation), np.uint8)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 
 import numpy as np
@@ -17,27 +17,31 @@ from part2gs_robotics.plan import Plan
 from part2gs_robotics.report import ReportData, write_report
 from part2gs_robotics.saved import Fitted
 from part2gs_robotics.scene import Scene, StateViews
+from part2gs_robotics.scene_frame import SceneFrame
 from part2gs_robotics.sim_checks.result import CheckReport
 from part2gs_robotics.twin import Twin
 
 
 def write_outputs(
-    folder: Path, out: Path, scene: Scene, twin: Twin, fits: tuple[Fitted, ...], motion: Motion,
-    plan: Plan, seconds: dict[str, float], config_yaml: str, config: CheckConfig,
+    folder: Path, out: Path, scene: Scene, twin: Twin, fits: tuple[Fitted, ...], placed: Gaussians,
+    motion: Motion, plan: Plan, seconds: dict[str, float], config_yaml: str, config: CheckConfig,
+    frame: SceneFrame,
 ) -> tuple[CheckReport, str]:
     """Write every file of the twin folder; returns the checks and a summary for people.
 
     Args:
         folder: fresh folder the files go to.
         out: where they will lie, for texts.
-        scene: what was read.
-        twin: what was built.
+        scene: what was read, in internal units like the fits, for pictures of them.
+        twin: what was built, in the scene's frame.
         fits: Gaussians and curve of both states.
+        placed: Gaussians of state 0 in the scene's frame.
         motion: part identities of these Gaussians.
         plan: settled decisions.
         seconds: wall time per stage.
         config_yaml: resolved configuration.
         config: settings of the checks.
+        frame: scene_from_internal, written down for readers of the stage files.
     """
     from part2gs_robotics.exporters.mjcf import write_mjcf
     from part2gs_robotics.exporters.twin_yaml import write_twin_yaml
@@ -47,9 +51,10 @@ def write_outputs(
     counts = _counts(scene, fits)
     write_mjcf(twin, folder)
     write_urdf(twin, folder)
-    write_twin_yaml(twin, folder, {"version": __version__, "layout": scene.layout, **counts})
+    write_twin_yaml(twin, folder, {"version": __version__, "layout": scene.layout,
+                                   "internal_frame": asdict(frame), **counts})
     write_text_atomic(folder / "config.yaml", config_yaml)
-    _write_gaussians(folder, fits[0][0], motion, twin)
+    _write_gaussians(folder, placed, motion, twin)
     report = replace(check(folder, steps=config.sweep_values), path=str(out))
     write_report(folder, ReportData(
         scene=scene.path.resolve().name, layout=scene.layout, exit_code=report.exit_code, twin=twin,

@@ -146,22 +146,25 @@ def _load_state(posed: Sequence[PosedImage], config: ReadConfig) -> StateViews:
     lenses: dict[bytes, images.Undistorter] = {}
     with_depth = config.depth and all(image.depth is not None for image in posed)
     loaded = [_load_view(image, size, config.invert_masks, with_depth, lenses) for image in posed]
+    counts = (np.stack([cast("NDArray[np.uint16]", view[3]) for view in loaded])
+              if with_depth else None)
+    units = np.array([image.depth_unit for image in posed])
     order = np.arange(len(posed))
     return StateViews(
         images=np.stack([view[0] for view in loaded]),
         alphas=np.stack([view[1] for view in loaded]),
         Ks=np.stack([view[2] for view in loaded]),
         viewmats=np.stack([image.camera_from_world for image in posed]),
-        depths=np.stack([cast("NDArray[np.float32]", view[3]) for view in loaded])
-        if with_depth else None,
+        depths=None if counts is None else counts * units.astype(np.float32)[:, None, None],
         names=tuple(image.name for image in posed),
-        held_out=order % HELD_OUT_EVERY == HELD_OUT_EVERY // 2)
+        held_out=order % HELD_OUT_EVERY == HELD_OUT_EVERY // 2,
+        depth_counts=None if counts is None else (counts, units))
 
 
 def _load_view(
     image: PosedImage, size: tuple[int, int], invert: bool, with_depth: bool,
     lenses: dict[bytes, images.Undistorter],
-) -> tuple[images.U8, images.U8, NDArray[np.float64], NDArray[np.float32] | None]:
+) -> tuple[images.U8, images.U8, NDArray[np.float64], NDArray[np.uint16] | None]:
     rgb, alpha = images.read_rgba(image.path)
     if (rgb.shape[1], rgb.shape[0]) != image.size:
         raise SceneError(f"{image.path}: decodes to {rgb.shape[1]} x {rgb.shape[0]} pixels, its "
@@ -170,8 +173,7 @@ def _load_view(
         alpha = images.read_mask(_mask_file(image), image.size)
     if invert:
         alpha = np.asarray(255 - alpha, np.uint8)
-    depth = (images.read_depth(cast(Path, image.depth), image.size, image.depth_unit)
-             if with_depth else None)
+    depth = images.read_depth(cast(Path, image.depth), image.size) if with_depth else None
     K = image.K
     if image.distortion is not None:
         key = K.tobytes() + np.array(image.distortion).tobytes() + str(image.size).encode()

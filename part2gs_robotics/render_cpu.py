@@ -37,7 +37,9 @@ from part2gs_robotics.rendered import Gradients, Kept, Rendered
 from part2gs_robotics.simd import LANES
 from part2gs_robotics.workspace import Workspace
 
-NEAR = 0.01  # scene units: in front of this z a Gaussian's Jacobian is meaningless (gsplat's value)
+# Internal units, 1/400 of a camera's distance (scene_frame.py): in front of this z a Gaussian's
+# Jacobian is meaningless (gsplat's value).
+NEAR = 0.01
 TILE = TILE_Y * LANES
 
 

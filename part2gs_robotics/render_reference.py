@@ -15,7 +15,7 @@ ALPHA_MAX = 0.99
 ALPHA_MIN = 1.0 / 255.0
 LOW_PASS = 0.3
 FOV_MARGIN = 0.3
-NEAR = 0.01
+NEAR = 0.01  # internal units, as in render_cpu
 STOP = 1e-4
 
 

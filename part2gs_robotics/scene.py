@@ -21,6 +21,8 @@ class StateViews:
         depths: [V, H, W] float32 z-depth in scene units, 0 = invalid; None without depth images.
         names: image names, for messages.
         held_out: [V] bool, True = never trained on.
+        depth_counts: ([V, H, W] uint16, [V] scene units per count) of `depths` as stored, where
+            they came from files: another unit can be taken without rounding twice.
     """
 
     images: NDArray[np.uint8]
@@ -30,6 +32,7 @@ class StateViews:
     depths: NDArray[np.float32] | None
     names: tuple[str, ...]
     held_out: NDArray[np.bool_]
+    depth_counts: tuple[NDArray[np.uint16], NDArray[np.float64]] | None = None
 
     @property
     def width(self) -> int:
@@ -48,7 +51,7 @@ class StateViews:
 
 @dataclass(frozen=True)
 class Scene:
-    """Two observed states of one object in one world frame (the scene's own, never re-centred).
+    """Two observed states of one object in one world frame (as read: the scene's own).
 
     Attributes:
         path: the scene folder.

@@ -57,9 +57,10 @@ class Twin:
 
     Attributes:
         name: model name.  parts: base first, parents before children.
-        meters_per_unit: None = unknown (exporters then assume 1 and say so).
+        meters_per_unit: None = unknown (exporters then take `assumed_meters` and say so).
         up: [3] unit, None = unknown (exporters then assume +z and say so).
         notes: fallbacks and assumptions, one sentence each.
+        assumed_meters: metres per unit that masses and gravity take when nobody knows them.
     """
 
     name: str
@@ -67,3 +68,4 @@ class Twin:
     meters_per_unit: float | None = None
     up: NDArray[np.float64] | None = None
     notes: tuple[str, ...] = ()
+    assumed_meters: float = 1.0

@@ -27,7 +27,7 @@ def test_depth_of_any_size_is_read_in_scene_units(scene: Path, size: int) -> Non
     file = scene / "transforms_train_start.json"
     content = json.loads(file.read_text())
     counts = np.full((size, size), 4000, np.uint16)
-    counts[0, 0] = 50  # nearer than 0.1: invalid
+    counts[0, 0] = 0  # invalid
     write_png(scene / "depth.png", counts)
     for frame in content["frames"]:
         frame["depth_file_path"] = "depth.png"
