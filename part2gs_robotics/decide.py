@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -99,14 +99,21 @@ class Judge:
     def sort_out(self, motions: list[Hypothesis], rough: bool = False,
                  ) -> tuple[NDArray[np.int64], float]:
         """Return the labelling of the surfels under the motions and its cost per surfel."""
+        hard, energy = label(self._unary(motions), self.study.graph, rough)
+        return hard, energy / len(hard)
+
+    def costs(self, motions: list[Hypothesis], hard: NDArray[np.int64]) -> F64:
+        """Return [N0 + N1] what every surfel's landing costs under its label."""
+        cost = self._unary(motions).cost(np.eye(len(motions) + 1)[hard])
+        return np.asarray(cost[np.arange(len(hard)), hard])
+
+    def _unary(self, motions: list[Hypothesis]) -> Unary:
         columns = [self.static, *(self._column(h) for h in motions)]
-        unary = Unary(
+        return Unary(
             np.concatenate([c.match for c in columns], 1),
             np.concatenate([c.target for c in columns], 1),
             np.concatenate([c.miss for c in columns], 1),
         )
-        hard, energy = label(unary, self.study.graph, rough)
-        return hard, energy / len(hard)
 
     def best_of(self, sets: list[list[Hypothesis]], above: Verdict | None = None) -> Verdict:
         """Return the best of several sets; the images see only the best by surfels.
@@ -251,7 +258,7 @@ def _variants(motions: tuple[Hypothesis, ...], k: int, diag: float) -> list[Hypo
             if all(float(axis @ known) < 1 - 1e-9 for known in axes):  # parallel ones are one try
                 axes.append(axis)
     return [
-        Hypothesis(0, axis, own.origin, own.value + float(step) * diag)
+        replace(own, axis=axis, value=own.value + float(step) * diag)
         for axis in axes
         for step in TUNE_STEPS
     ]

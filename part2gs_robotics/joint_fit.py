@@ -29,8 +29,9 @@ PARAMETERS = {"prismatic": 3, "revolute": 5}
 
 
 def move_of(joint: Joint) -> F64:
-    """Return the [4, 4] motion of a part from state 0 to state 1."""
-    return joint.transform(joint.value)
+    """Return the [4, 4] motion of a part from state 0 to state 1, its carrier's included."""
+    own = joint.transform(joint.value)
+    return own if joint.carrier is None else joint.carrier @ own
 
 
 def parameters(joint: Joint) -> F64:
@@ -112,10 +113,11 @@ def _as_kind(
         return h
     centre = np.concatenate([own[0].points, se3.apply(se3.inverse(h.move), own[1].points)]).mean(0)
     if kind == 0:
-        way = se3.apply(h.move, centre) - centre
+        way = se3.apply(h.own, centre) - centre
         length = float(np.linalg.norm(way))
         # A knob that turns about its own centre goes nowhere: any direction will do.
-        start = Hypothesis(0, way / length if length > 0 else h.axis, centre, length)
+        axis = way / length if length > 0 else h.axis
+        start = Hypothesis(0, axis, centre, length, h.carrier)
         return refine(start, own, lands, taus, 4)
     # A slide is a small turn about a far line: start from one that moves the centre alike.
     tries = []
@@ -123,7 +125,7 @@ def _as_kind(
         for sign in (1.0, -1.0):
             angle = 0.05  # rad; small enough to stay in the capture range of the fit
             origin = centre + sign * np.cross(h.axis, side) * h.value / angle
-            start = Hypothesis(1, sign * side, origin, -angle)  # the line across arm and slide
+            start = Hypothesis(1, sign * side, origin, -angle, h.carrier)  # across arm and slide
             start = (
                 start
                 if _cost(start, own, lands, tau) < _cost(_flip(start), own, lands, tau)
@@ -134,7 +136,7 @@ def _as_kind(
 
 
 def _flip(h: Hypothesis) -> Hypothesis:
-    return Hypothesis(h.kind, h.axis, h.origin, -h.value)
+    return replace(h, value=-h.value)
 
 
 def _cost(

@@ -27,6 +27,8 @@ class Joint:
             infinite = the photos do not show it; files hold null for both.
         bic: criterion of every joint kind tried, lower is better.
         confidence: 0..1, share of the evidence this joint explains.
+        carrier: [4, 4] motion between the states of the part that carries this one, where a joint
+            must know it; None = the base.
     """
 
     kind: JointKind
@@ -39,6 +41,7 @@ class Joint:
     sigma_value: float = float("nan")
     bic: dict[str, float] = field(default_factory=dict)
     confidence: float = float("nan")
+    carrier: NDArray[np.float64] | None = None
 
     def transform(self, q: float) -> NDArray[np.float64]:
         """Return [4, 4] world_at_q_from_world_at_0 of the part for joint position q."""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -40,19 +42,22 @@ def refine(
         steps: Gauss-Newton steps per distance.
     """
     params = np.concatenate([guess.axis, guess.origin, [guess.value]])
+    carrier = np.eye(4) if guess.carrier is None else guess.carrier
     for tau in taus:
         for _ in range(steps):
-            pairs = matches(joint_move(guess.kind, params), sets, lands, tau)
-            if len(pairs[0]) < 12:  # fewer than twice the parameters: nothing to refine on
-                return _hypothesis(guess.kind, params)
+            zero, zero_n, one, one_n = matches(carrier @ joint_move(guess.kind, params), sets,
+                                               lands, tau)
+            if len(zero) < 12:  # fewer than twice the parameters: nothing to refine on
+                return _hypothesis(guess, params)
+            # Where the carrier would not have moved.
+            pairs = zero, zero_n, se3.apply(se3.inverse(carrier), one), one_n @ carrier[:3, :3]
             params = _step(guess.kind, params, pairs, tau)
-    return _hypothesis(guess.kind, params)
+    return _hypothesis(guess, params)
 
 
-def _hypothesis(kind: int, params: F64) -> Hypothesis:
-    return Hypothesis(
-        kind, params[:3] / np.linalg.norm(params[:3]), params[3:6].copy(), float(params[6])
-    )
+def _hypothesis(guess: Hypothesis, params: F64) -> Hypothesis:
+    axis = params[:3] / np.linalg.norm(params[:3])
+    return replace(guess, axis=axis, origin=params[3:6].copy(), value=float(params[6]))
 
 
 def matches(

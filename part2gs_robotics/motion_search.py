@@ -30,16 +30,23 @@ class Hypothesis:
     Attributes:
         kind: 1 = revolute, 0 = prismatic.
         axis: [3] unit.  origin: [3].  value: rad or scene units.
+        carrier: [4, 4] motion of the part that carries this one, None = the base.
     """
 
     kind: int
     axis: F64
     origin: F64
     value: float
+    carrier: F64 | None = None
 
     @property
     def move(self) -> F64:
         """[4, 4] motion from state 0 to state 1."""
+        return self.own if self.carrier is None else self.carrier @ self.own
+
+    @property
+    def own(self) -> F64:
+        """[4, 4] motion beside the carrier, in the world at state 0."""
         if self.kind:
             return se3.screw_motion(self.axis, self.origin, self.value, 0.0)
         return se3.make(np.eye(3), self.axis * self.value)

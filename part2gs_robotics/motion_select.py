@@ -74,15 +74,22 @@ def propose(
             local = surfels.select(rng.permutation(near)[:400])
             empty = surfels.select(np.zeros(0, np.int64))
             sets = (local, empty) if state == 0 else (empty, local)
-            for _, guess in _spread(ranked, 8, patch.points, state):
+            for _, guess in spread(ranked, 8, patch.points, state):
                 found.append(refine(guess, sets, lands, (SEARCH_TAU * diag, 0.02 * diag), 3))
     return found
 
 
-def _spread(
+def spread(
     ranked: list[tuple[float, Hypothesis]], count: int, points: F64, state: int
 ) -> list[tuple[float, Hypothesis]]:
-    """Best hypotheses that move the patch to different places."""
+    """Return the best hypotheses that move a patch of a state to different places.
+
+    Args:
+        ranked: cost and hypothesis, best first.
+        count: at most.
+        points: [N, 3] of the patch.
+        state: that the patch is of.
+    """
     out: list[tuple[float, Hypothesis]] = []
     places: list[F64] = []
     size = float(np.linalg.norm(np.ptp(points, axis=0)))

@@ -67,7 +67,8 @@ def landing_costs(judge: Judge, moves: list[F64]) -> F64:
 
 
 def part_probs(
-    study: Study, joints: list[Joint], costs: F64, hard: Labels, config: ArticulateConfig
+    study: Study, joints: list[Joint], costs: F64, hard: Labels, config: ArticulateConfig,
+    parents: tuple[int, ...] | None = None,
 ) -> tuple[F32, F32]:
     """Return [N_s, K+1] part identities of the Gaussians of both states.
 
@@ -77,6 +78,7 @@ def part_probs(
         costs: [N0 + N1, K+1] of the surfels.
         hard: [N0 + N1] labels of the surfels, taken as they are without part identities.
         config: identity and paper mode.
+        parents: of parts 1..K; None = all on the base.
     """
     n0 = len(study.surfels[0])
     if not config.identity:
@@ -88,4 +90,4 @@ def part_probs(
         COST_TO_NATS * costs[n0:][study.nearest[1]],
     ]
     settings = PAPER if config.paper_mode else None
-    return refine_identities(unary[0], unary[1], study.gaussians, joints, settings)
+    return refine_identities(unary[0], unary[1], study.gaussians, joints, settings, parents)

@@ -1,0 +1,268 @@
+"""Chains: parts carried by other parts, found once the parts on the base are settled.
+
+Seen from the carrier such a part moves by one joint as well, so the search is the same with state
+1 brought back by the carrier's motion. Only what the carrier's motion leaves unexplained is
+looked at; a scene that leaves nothing needs none of this.
+"""
+
+from __future__ import annotations
+
+import logging
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from part2gs_robotics import se3
+from part2gs_robotics.align import FINE, align
+from part2gs_robotics.decide import Judge, Verdict
+from part2gs_robotics.joint_fit import choose_joint, move_of
+from part2gs_robotics.joints import Joint
+from part2gs_robotics.motion_refine import refine
+from part2gs_robotics.motion_search import Hypothesis, directions, search_patch
+from part2gs_robotics.motion_select import PATCH_POINTS, PATCH_RADIUS, SEARCH_TAU, farthest, spread
+from part2gs_robotics.reach import claim
+from part2gs_robotics.small_views import SmallViews
+from part2gs_robotics.surfels import Surfels
+
+logger = logging.getLogger(__name__)
+F64 = NDArray[np.float64]
+Labels = NDArray[np.int64]
+Views = tuple[SmallViews, SmallViews]
+UNEXPLAINED = 0.35  # landing cost: worse than a surface met that another part carries
+LEAST_LEFT = 0.01  # of a carrier's surfels: a magazine or a latch leaves more, noise of rims less
+SEEDS = 6  # patches of what is left: a carried part is a small thing
+GUESSES = 6  # motions of each patch that are refined
+LEAST_TURN = np.deg2rad(3.0)  # beside the carrier: less is the carrier's own error
+LEAST_SLIDE = 0.02  # of the diagonal, likewise
+NEAR = 0.05  # of the diagonal: a hinge goes through its part or lies beside it
+FAR_PRICE = 0.02  # of the cost left: for a hinge line FAR away from its part; see `_apart`
+FAR = 0.3  # of the diagonal
+
+
+@dataclass(frozen=True)
+class Tree:
+    """Joints with what carries them.
+
+    Attributes:
+        joints: of parts 1..K, carriers' motions within.  parents: part that carries each, 0 = base.
+        hard: [N0 + N1] surfel labels.
+        known: of every part, its number in the search on the base, 0 = found since.
+    """
+
+    joints: list[Joint]
+    parents: tuple[int, ...]
+    hard: Labels
+    known: tuple[int, ...]
+
+
+def nest(judge: Judge, joints: list[Joint], hard: Labels, most: int | None,
+         rng: np.random.Generator) -> Tree:
+    """Return the joints with parts that other parts carry, not yet aligned to the images.
+
+    Args:
+        judge: of the study.
+        joints: of parts 1..K on the base, settled.
+        hard: [N0 + N1] surfel labels.
+        most: number of moving parts, if known.
+        rng: of the search.
+    """
+    known = tuple(range(1, len(joints) + 1))
+    tree = _rehung(judge, Tree(joints, (0,) * len(joints), hard, known))
+    for carrier in range(1, len(joints) + 1):
+        while most is None or len(tree.joints) < most:
+            grown = _grown(judge, tree, carrier, most is None, rng)
+            if grown is None:
+                break
+            tree = grown
+    if most is None and len(tree.joints) > len(joints):
+        tree = _pruned(judge, tree)
+    return _ordered(tree)
+
+
+def _pruned(judge: Judge, tree: Tree) -> Tree:
+    """Return the tree without parts that no longer pay.
+
+    Before a carried part is known, a turn about the base may have stood in for it.
+    """
+    for k in reversed(range(len(tree.joints))):
+        if not tree.known[k] or k + 1 in tree.parents:
+            continue
+        motions = [_hypothesis(j) for j in tree.joints]
+        now, rest = judge.judge(motions), judge.judge(motions[:k] + motions[k + 1:])
+        gain, price = rest.cost - now.cost, judge.price(now, rest.cost)
+        logger.info("nested: without part %d %.4f more; price %.4f", k + 1, gain, price)
+        if gain < price or not now.improves(rest):
+            parents = tree.parents[:k] + tree.parents[k + 1:]
+            tree = Tree(tree.joints[:k] + tree.joints[k + 1:],
+                        tuple(p - (p > k + 1) for p in parents), rest.hard,
+                        tree.known[:k] + tree.known[k + 1:])
+    return tree
+
+
+def aligned(judge: Judge, tree: Tree, views: Views) -> Tree:
+    """Return the tree aligned to the images, carriers first in the labels' and joints' eyes."""
+    study = judge.study
+    for levels in (FINE[:1], FINE):
+        hard, _ = claim(judge, tree.joints, tree.hard)
+        joints = align(study.gaussians, study.gaussian_labels(hard), tree.joints, views,
+                       study.diag, levels, deviations=levels is FINE)
+        tree = carried(replace(tree, joints=joints, hard=hard))
+    return tree
+
+
+def _ordered(tree: Tree) -> Tree:
+    """Return the tree with carriers before what they carry."""
+    order = sorted(range(len(tree.joints)), key=lambda k: tree.parents[k] > 0)
+    place = np.zeros(len(order) + 1, np.int64)
+    place[np.array(order, np.int64) + 1] = np.arange(1, len(order) + 1)
+    return Tree([tree.joints[k] for k in order],
+                tuple(int(place[tree.parents[k]]) for k in order),
+                place[tree.hard], tuple(tree.known[k] for k in order))
+
+
+def carried(tree: Tree) -> Tree:
+    """Return the tree with every carrier's motion as its joint is now."""
+    joints = list(tree.joints)
+    for k, parent in enumerate(tree.parents):
+        if parent:
+            joints[k] = replace(joints[k], carrier=move_of(joints[parent - 1]))
+    return replace(tree, joints=joints)
+
+
+def _hypothesis(j: Joint) -> Hypothesis:
+    return Hypothesis(int(j.kind == "revolute"), j.axis, j.origin, j.value, j.carrier)
+
+
+def _grown(judge: Judge, tree: Tree, carrier: int, priced: bool, rng: np.random.Generator,
+           ) -> Tree | None:
+    """Return the tree with one more part on a carrier, or None if that does not pay."""
+    motions = [_hypothesis(j) for j in tree.joints]
+    now = judge.judge(motions)
+    costs = judge.costs(motions, now.hard)
+    left = _left(judge, costs, now.hard, carrier)
+    if len(left) < LEAST_LEFT * max((now.hard == carrier).sum(), 1) or len(left) < SEEDS:
+        return None
+    found = _search(judge, left, move_of(tree.joints[carrier - 1]), rng)
+    if not found:
+        return None
+    grown = judge.best_of([[*motions, h] for h in found], now)
+    grown = _polished(judge, grown)
+    gain, price = now.cost - grown.cost, judge.price(grown, now.cost) if priced else 0.0
+    logger.info("nested: %d of part %d left, %d motions on it: %.4f less; price %.4f", len(left),
+                carrier, len(found), gain, price)
+    if not grown.coherent or gain < price or not grown.improves(now):
+        return None
+    joint = _joint(judge, grown, len(motions))
+    return Tree([*tree.joints, joint], (*tree.parents, carrier), grown.hard, (*tree.known, 0))
+
+
+def _left(judge: Judge, costs: F64, hard: Labels, carrier: int) -> Surfels:
+    """Return the surfels of state 1 that belong to a carrier but do not land with it."""
+    n0 = len(judge.study.surfels[0])
+    rows = np.flatnonzero((costs[n0:] > UNEXPLAINED) & (hard[n0:] == carrier))
+    return judge.study.surfels[1].select(rows)
+
+
+def _search(judge: Judge, left: Surfels, carrier: F64, rng: np.random.Generator,
+            ) -> list[Hypothesis]:
+    study = judge.study
+    back, diag = se3.inverse(carrier), study.diag
+    home = replace(left, points=se3.apply(back, left.points), normals=left.normals @ back[:3, :3].T)
+    empty = study.surfels[0].select(np.zeros(0, np.int64))
+    found: list[Hypothesis] = []
+    for i in farthest(home.points, SEEDS, rng):
+        gaps = np.linalg.norm(home.points - home.points[i], axis=1)
+        near = rng.permutation(np.flatnonzero(gaps < PATCH_RADIUS * diag))
+        if len(near) < SEEDS:
+            continue
+        patch = home.select(near[:PATCH_POINTS])
+        axes = directions(study.lands[0].surfels, patch, rng)
+        ranked = search_patch(patch, study.lands[0], axes, study.box, SEARCH_TAU * diag, False)
+        for _, guess in spread(ranked, GUESSES, patch.points, 1):
+            start = replace(guess, carrier=carrier)
+            found.append(refine(start, (empty, left.select(near)), study.lands,
+                                (SEARCH_TAU * diag, study.tau), 3))
+    return [h for h in found if abs(h.value) > (LEAST_TURN if h.kind else LEAST_SLIDE * diag)]
+
+
+def _own(judge: Judge, hard: Labels, part: int) -> tuple[Surfels, Surfels]:
+    n0, surfels = len(judge.study.surfels[0]), judge.study.surfels
+    return surfels[0].select(hard[:n0] == part), surfels[1].select(hard[n0:] == part)
+
+
+def _polished(judge: Judge, verdict: Verdict) -> Verdict:
+    """Return the verdict with its last motion refined on its own surfels where that helps."""
+    tau = judge.study.tau
+    last = refine(verdict.motions[-1], _own(judge, verdict.hard, len(verdict.motions)),
+                  judge.lands, (1.3 * tau, tau, 0.7 * tau), 4)
+    new = judge.judge([*verdict.motions[:-1], last])
+    return new if new.cost < verdict.cost else verdict
+
+
+def _joint(judge: Judge, verdict: Verdict, k: int) -> Joint:
+    study, h = judge.study, verdict.motions[k]
+    joint = choose_joint(h, _own(judge, verdict.hard, k + 1), judge.lands, study.tau, study.diag,
+                         judge.confidence(verdict, k))
+    return replace(joint, carrier=h.carrier)
+
+
+def _rehung(judge: Judge, tree: Tree) -> Tree:
+    """Return the tree with parts moved to the part that explains them better than the base.
+
+    A lid that turns and a latch in it that turns about another axis move together like a screw; a
+    turn about the base fits it nearly. Two turns about parallel axes are one turn about a line
+    that may lie anywhere: then the hinge beside its part is the likelier one.
+    """
+    for k in range(len(tree.joints)):
+        if any(p == k + 1 for p in tree.parents):
+            continue  # carries something itself
+        motions = [_hypothesis(j) for j in tree.joints]
+        best, parent = judge.judge(motions), 0
+        score = best.cost * (1 + _apart(judge, best, k))
+        for p in range(len(tree.joints)):
+            if p == k or tree.parents[p]:
+                continue
+            guess = _beside(motions[k], move_of(tree.joints[p]), _own(judge, best.hard, k + 1))
+            trial = _replaced(judge, best, k, guess)
+            cost = trial.cost * (1 + _apart(judge, trial, k))
+            logger.info("nested: part %d on part %d: %.4f, was %.4f", k + 1, p + 1, cost, score)
+            if trial.coherent and cost < score:
+                best, parent, score = trial, p + 1, cost
+        if parent:
+            joints = list(tree.joints)
+            joints[k] = _joint(judge, best, k)
+            parents = (*tree.parents[:k], parent, *tree.parents[k + 1:])
+            tree = Tree(joints, parents, best.hard, tree.known)
+    return tree
+
+
+def _replaced(judge: Judge, verdict: Verdict, k: int, guess: Hypothesis) -> Verdict:
+    tau = judge.study.tau
+    h = refine(guess, _own(judge, verdict.hard, k + 1), judge.lands, (1.3 * tau, tau, 0.7 * tau), 4)
+    return judge.judge([*verdict.motions[:k], h, *verdict.motions[k + 1:]])
+
+
+def _beside(h: Hypothesis, carrier: F64, own: tuple[Surfels, Surfels]) -> Hypothesis:
+    """Return the motion of one joint on a carrier that is nearest to a motion of the world."""
+    rest = se3.inverse(carrier) @ h.move
+    centre = np.concatenate([own[0].points, h.origin[None]]).mean(0)
+    turn = se3.rotvec_from_rotation(rest[:3, :3])
+    angle, way = float(np.linalg.norm(turn)), se3.apply(rest, centre) - centre
+    if angle < LEAST_TURN:
+        length = float(np.linalg.norm(way))
+        return Hypothesis(0, way / length if length else h.axis, centre, length, carrier)
+    axis = turn / angle
+    across = way - axis * (axis @ way)
+    origin = centre + 0.5 * (across + np.cross(axis, across) / np.tan(0.5 * angle))
+    return Hypothesis(1, axis, origin, angle, carrier)
+
+
+def _apart(judge: Judge, verdict: Verdict, k: int) -> float:
+    """Return what a hinge line away from its part adds to the cost, as a share of it."""
+    h, own = verdict.motions[k], _own(judge, verdict.hard, k + 1)
+    points = np.concatenate([own[0].points, se3.apply(se3.inverse(h.move), own[1].points)])
+    if not h.kind or not len(points):
+        return 0.0
+    arm = float(np.linalg.norm(np.cross(points - h.origin, h.axis), axis=1).min())
+    return FAR_PRICE * min(max(arm / judge.study.diag - NEAR, 0.0) / (FAR - NEAR), 1.0)

@@ -1,0 +1,146 @@
+"""Chains: a part that another part carries is found on it, and turns about its own axis."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from part2gs_robotics import se3
+from part2gs_robotics.decide import Judge
+from part2gs_robotics.identity import part_motions
+from part2gs_robotics.joint_fit import move_of
+from part2gs_robotics.joints import Joint
+from part2gs_robotics.motion_search import Hypothesis
+from part2gs_robotics.nested import Tree, _beside, _ordered, aligned, carried, nest
+from part2gs_robotics.small_views import small_views
+from part2gs_robotics.study import gather
+from part2gs_robotics.surfels import Surfels
+
+pytestmark = pytest.mark.usefixtures("one_numba_thread")
+DOOR = Joint("revolute", np.array([0.0, 0, -1]), np.array([0.0, -0.05, 0.3]), 0.8)
+# A flap on the outside of the door that folds up about an axis along the door.
+FLAP = Joint("revolute", np.array([-1.0, 0, 0]), np.array([0.5, -0.07, 0.35]), 1.1)
+
+
+BASE = ((0, 0, 0), (0.8, 0.5, 0.6), 1)
+PANEL = ((0, -0.05, 0), (0.8, -0.02, 0.6), 2)
+NOTHING = Surfels(*(np.zeros((0, 3)) for _ in range(3)), np.zeros(0, np.int64))
+NOBODY = NOTHING, NOTHING
+PLATE = ((0.3, -0.09, 0.05), (0.7, -0.05, 0.35), 3)
+
+
+def carrying(joint):
+    return replace(joint, carrier=move_of(DOOR))
+
+
+def photographed(toy, *flaps):
+    """Return the judge of a door with flaps that turn on it, and photos of both states."""
+    before = [toy.Box(*BASE), toy.Box(*PANEL), *(toy.Box(*PLATE) for _ in flaps)]
+    after = [toy.Box(*BASE), toy.Box(*PANEL, move_of(DOOR)),
+             *(toy.Box(*PLATE, move_of(carrying(flap))) for flap in flaps)]
+    pair = [toy.gaussians_of(boxes, 0.04)[0] for boxes in (before, after)]
+    eyes = toy.cameras(20, 64, np.array([0.3, -0.1, 0.3]), 1.3)
+    scene = toy.scene_of(tuple(toy.drawn(g, *eyes, 64) for g in pair))
+    return Judge(gather(scene, tuple(pair))), tuple(small_views(s, 8, 64) for s in scene.states)
+
+
+@pytest.fixture(scope="module")
+def chained(toy):
+    return photographed(toy, FLAP)
+
+
+def hypothesis(j):
+    return Hypothesis(1, j.axis, j.origin, j.value, j.carrier)
+
+
+def assert_flap(found, axis, way):
+    """The found joint turns the flap as the true one does: its corners end in the same place."""
+    corners = np.array(PLATE[:2])[[[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1], [1, 1, 1]],
+                                  [[0, 1, 2]]]
+    gaps = se3.apply(move_of(found), corners) - se3.apply(move_of(carrying(FLAP)), corners)
+    assert found.kind == "revolute"
+    assert np.degrees(np.arccos(min(1.0, abs(found.axis @ FLAP.axis)))) < axis
+    assert np.linalg.norm(gaps, axis=1).max() < way
+
+
+def test_a_flap_on_a_door_is_found_and_hangs_on_the_door(chained):
+    judge, views = chained
+    hard = judge.judge([hypothesis(DOOR)]).hard
+    tree = nest(judge, [DOOR], hard, None, np.random.default_rng(0))
+    assert tree.parents == (0, 1)
+    assert tree.known == (1, 0)
+    assert_flap(tree.joints[1], 4.0, 0.05)
+    end = aligned(judge, tree, views)
+    assert_flap(end.joints[1], 1.0, 0.012)
+    door = end.joints[0]
+    assert np.degrees(np.arccos(min(1.0, abs(door.axis @ DOOR.axis)))) < 0.5
+    np.testing.assert_allclose(end.joints[1].carrier, move_of(door))
+    moves = part_motions([replace(j, carrier=None) for j in end.joints], end.parents)
+    np.testing.assert_allclose(moves[2], move_of(end.joints[1]), atol=1e-9)
+
+
+def test_a_door_without_a_flap_stays_alone(toy):
+    judge, _ = photographed(toy)
+    hard = judge.judge([hypothesis(DOOR)]).hard
+    tree = nest(judge, [DOOR], hard, None, np.random.default_rng(0))
+    assert tree.parents == (0,)
+    assert tree.joints == [DOOR]
+
+
+def test_a_given_number_of_parts_is_not_exceeded(chained):
+    judge, _ = chained
+    hard = judge.judge([hypothesis(DOOR)]).hard
+    assert nest(judge, [DOOR], hard, 1, np.random.default_rng(0)).parents == (0,)
+
+
+def test_a_part_taken_for_one_of_the_base_is_hung_where_it_turns(chained):
+    """Door and flap together move the flap like a screw; one turn about the base fits it badly."""
+    judge, _ = chained
+    whole = move_of(carrying(FLAP))
+    turn = se3.rotvec_from_rotation(whole[:3, :3])
+    angle = float(np.linalg.norm(turn))
+    wrong = replace(_joint_of(_beside(hypothesis(carrying(FLAP)), np.eye(4), NOBODY)),
+                    carrier=None)
+    assert wrong.value == pytest.approx(angle)
+    hard = judge.judge([hypothesis(DOOR), hypothesis(carrying(FLAP))]).hard
+    tree = nest(judge, [wrong, DOOR], _swapped(hard), 2, np.random.default_rng(0))
+    assert tree.parents == (0, 1)  # the carrier comes first
+    assert tree.known == (2, 1)
+    assert_flap(tree.joints[1], 4.0, 0.05)
+
+
+def _joint_of(h):
+    return Joint("revolute", h.axis, h.origin, h.value)
+
+
+def _swapped(hard):
+    return np.array([0, 2, 1])[hard]
+
+
+@pytest.mark.parametrize("angle", [0.3, -1.2, 2.9])
+def test_the_nearest_joint_on_a_carrier_is_exact_where_there_is_one(angle):
+    carrier = se3.screw_motion(np.array([0, 0.6, 0.8]), np.array([0.1, 0.2, 0.3]), 0.7, 0.1)
+    joint = Hypothesis(1, np.array([0.6, 0, 0.8]), np.array([0.5, -0.1, 0.2]), angle, carrier)
+    found = _beside(joint, carrier, NOBODY)
+    np.testing.assert_allclose(found.move, joint.move, atol=1e-12)
+    slide = Hypothesis(0, joint.axis, joint.origin, 0.4, carrier)
+    found = _beside(slide, carrier, NOBODY)
+    assert found.kind == 0
+    np.testing.assert_allclose(found.move, slide.move, atol=1e-12)
+
+
+def test_carriers_come_before_what_they_carry():
+    joints = [replace(FLAP, value=float(k)) for k in range(4)]
+    tree = Tree(joints, (3, 0, 0, 2), np.array([0, 1, 2, 3, 4]), (1, 2, 3, 0))
+    out = _ordered(tree)
+    assert [j.value for j in out.joints] == [1.0, 2.0, 0.0, 3.0]
+    assert out.parents == (0, 0, 2, 1)
+    assert out.hard.tolist() == [0, 3, 1, 2, 4]
+    assert out.known == (2, 3, 1, 0)
+
+
+def test_carriers_motions_follow_their_joints():
+    tree = Tree([DOOR, replace(FLAP, carrier=np.eye(4))], (0, 1), np.zeros(1, int), (1, 0))
+    np.testing.assert_array_equal(carried(tree).joints[1].carrier, move_of(DOOR))
