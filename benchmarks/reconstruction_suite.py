@@ -17,6 +17,7 @@ import subprocess
 import sys
 import tempfile
 from pathlib import Path
+from typing import Any
 
 ROOT = Path(__file__).resolve().parents[1]
 RESULTS = ROOT / "benchmarks/results/suite.json"
@@ -70,7 +71,7 @@ def run_kit(args: argparse.Namespace, work: Path) -> dict[str, object]:
     return dict(json.loads((work / "results.json").read_text()))
 
 
-def summary(found: dict) -> dict[str, object]:
+def summary(found: dict[str, Any]) -> dict[str, object]:
     """Return the numbers of the table, with machine, versions and commit."""
     return {
         "command": found["cmd"],
@@ -82,7 +83,7 @@ def summary(found: dict) -> dict[str, object]:
     }
 
 
-def summary_row(row: dict) -> dict[str, object]:
+def summary_row(row: dict[str, Any]) -> dict[str, object]:
     """Return one object's numbers; None where nothing was found."""
     run, score = row["run"], row.get("score") or {}
     matched = score.get("matched_only") or {}
@@ -109,7 +110,7 @@ def summary_row(row: dict) -> dict[str, object]:
     }
 
 
-def markdown(result: dict) -> str:
+def markdown(result: dict[str, Any]) -> str:
     """Return the README's table and one line on how it was made."""
     lines = ["| " + " | ".join(HEAD) + " |", "|---" * len(HEAD) + "|"]
     lines += ["| " + " | ".join(cells(row)) + " |" for row in result["rows"]]
@@ -125,7 +126,7 @@ def markdown(result: dict) -> str:
     return "\n".join(lines) + "\n"
 
 
-def cells(row: dict) -> list[str]:
+def cells(row: dict[str, Any]) -> list[str]:
     """Return the texts of one table row."""
     extra = f" + {row['parts_extra']} extra" if row["parts_extra"] else ""
     checks = {0: "pass", 1: "fail, reported"}.get(row["exit"], f"exit {row['exit']}")
@@ -150,10 +151,10 @@ def number(value: float | None, digits: int) -> str:
     return "-" if value is None else f"{value:.{digits}f}"
 
 
-def insert(text: str, table: str) -> str:
-    """Return the README with everything between its two markers replaced."""
-    before, rest = text.split(BEGIN)
-    return f"{before}{BEGIN}\n{table}{END}{rest.split(END)[1]}"
+def insert(text: str, table: str, begin: str = BEGIN, end: str = END) -> str:
+    """Return the README with everything between two markers replaced."""
+    before, rest = text.split(begin)
+    return f"{before}{begin}\n{table}{end}{rest.split(end)[1]}"
 
 
 def git(*words: str) -> str:
