@@ -160,9 +160,8 @@ class Pull:
                                           torch.ones(int(own.sum()), 1).double(),
                                           rotations=rot[None])
             return spread / sigma**2
-        # Every other point: torch hands larger arrays to threads, which wait on busy cores.
         repels = torch.from_numpy(part.repels / part.diag)
-        energy = losses.repel_loss(path[-1, ::2] / part.diag, repels, REPEL_VOXEL)
+        energy = losses.repel_loss(path[-1] / part.diag, repels, REPEL_VOXEL)
         return energy / (sigma / part.diag) ** 2
 
     def _printed(self, rot: Tensor, trans: Tensor) -> dict[str, Tensor]:

@@ -6,6 +6,8 @@ gradient of the terms that are on, and the losses are reported for every part.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -49,8 +51,20 @@ def physical_steps(
     if not terms_on(config):
         return joints
     parts = parts_of(study, hard, len(joints), config.paper_mode)
-    return [_descend(*pair, k + 1, config)
-            for k, pair in enumerate(zip(parts, joints, strict=True))]
+    with _one_thread():
+        return [_descend(*pair, k + 1, config)
+                for k, pair in enumerate(zip(parts, joints, strict=True))]
+
+
+@contextmanager
+def _one_thread() -> Iterator[None]:
+    """Let torch use one thread: handing it arrays of this size costs three times their sums."""
+    threads = torch.get_num_threads()
+    torch.set_num_threads(1)
+    try:
+        yield
+    finally:
+        torch.set_num_threads(threads)
 
 
 def _descend(part: Part, joint: Joint, number: int, config: ArticulateConfig) -> Joint:
