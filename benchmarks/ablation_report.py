@@ -32,7 +32,7 @@ TITLES = {
     "alignment": "Second-order alignment",
     "pull before alignment": "Vector field and contact before alignment",
 }  # fmt: skip
-DIGITS = {"axis_deg": 3, "motion_pct": 3, "cd_m": 3, "miou": 3}
+DIGITS = 3
 Key = tuple[str, int]
 
 
@@ -77,9 +77,9 @@ def _metrics(run: dict[str, Any], common: set[str]) -> dict[str, float]:
 
 
 def tests_of(values: dict[Key, dict[str, dict[str, float]]]) -> list[dict[str, Any]]:
-    """Return all paired tests, with p-values adjusted over the whole family (Holm)."""
+    """Return all paired tests; p-values are adjusted (Holm) over all tests of one form."""
     rows: list[dict[str, Any]] = []
-    raw: dict[str, float] = {}
+    raw: dict[str, dict[str, float]] = defaultdict(dict)
     for c in comparisons():
         both = [row for row in values.values() if c.before in row and c.after in row
                 and row[c.before]["parts_common"] and row[c.after]["parts_common"]]
@@ -89,8 +89,10 @@ def tests_of(values: dict[Key, dict[str, dict[str, float]]]) -> list[dict[str, A
             test = paired([row[c.before][metric] for row in both],
                           [row[c.after][metric] for row in both], larger)
             rows.append({"term": c.key, "form": c.form, "metric": metric, **vars(test)})
-            raw[f"{len(rows) - 1}"] = test.p
-    for row, adjusted in zip(rows, holm(raw).values(), strict=True):
+            raw[c.form][f"{c.key} {metric}"] = test.p
+    adjusted_by = {form: holm(family) for form, family in raw.items()}
+    for row in rows:
+        adjusted = adjusted_by[row["form"]][f"{row['term']} {row['metric']}"]
         test = Paired(**{name: row[name] for name in Paired.__dataclass_fields__})
         row["p_holm"] = adjusted
         row["verdict"] = verdict(test, adjusted, METRICS[row["metric"]][1])
@@ -116,7 +118,7 @@ def quoted(result: dict[str, Any]) -> dict[str, str]:
         rows = _rows(result, name, "corrected")
         if rows:
             runs = f"{rows[0]['n']} run" + "s" * (rows[0]["n"] != 1)
-            numbers = ", ".join(f"{METRICS[r['metric']][0]} {r['mean']:+.3f}" for r in rows)
+            numbers = ", ".join(f"{METRICS[r['metric']][0]} {signed(r['mean'])}" for r in rows)
             found[name] = f"{together([r['verdict'] for r in rows])}: {numbers} on {runs}"
     return found
 
@@ -125,7 +127,9 @@ def markdown(result: dict[str, Any]) -> str:
     """Return both tables, the sentences, and one line on how they were made."""
     options, tests = result["options"], result["tests"]
     keys = {(run["object"], run["seed"]) for run in result["runs"]}
-    family = sum(test["p"] is not None for test in tests)
+    forms = dict.fromkeys(test["form"] for test in tests)
+    families = ", ".join(f"{sum(t['form'] == form and t['p'] is not None for t in tests)} {form}"
+                         for form in forms)
     lines = ["| variant | parts found | " + " | ".join(label for label, _ in METRICS.values())
              + " | printed: " + " | printed: ".join(label for label, _ in METRICS.values()) + " |",
              "|---|" + "--:|" * (1 + 2 * len(METRICS))]
@@ -141,8 +145,8 @@ def markdown(result: dict[str, Any]) -> str:
     lines += ["", f"{len(keys)} pairs (objects x seeds: {', '.join(options['objects'])}; seeds "
               f"{', '.join(map(str, options['seeds']))}), {options['views']} + {options['views']} "
               f"RGB views of {options['size']} x {options['size']}, number of parts not given; "
-              f"{result['machine']}; commit {result['commit']}. {family} tests in one family, "
-              "p after Holm's correction; d is Cohen's d of paired differences."]
+              f"{result['machine']}; commit {result['commit']}. Tests per family: {families}; p "
+              "after Holm's correction in its family; d is Cohen's d of paired differences."]
     lines += [f"Failed: {text}" for text in options["failed"]]
     return "\n".join(lines) + "\n"
 
@@ -175,17 +179,21 @@ def _means(result: dict[str, Any], name: str) -> list[str]:
             found, true = (sum(r[k] for r in rows) for k in ("parts_found", "parts_true"))
             cells = [NAMES[name], f"{found:.0f} of {true:.0f}", *cells[2:]]
         known = [r for r in rows if r["parts_common"]]
-        cells += [f"{sum(r[m] for r in known) / len(known):.{DIGITS[m]}f}" if known else "-"
+        cells += [f"{sum(r[m] for r in known) / len(known):.{DIGITS}f}" if known else "-"
                   for m in METRICS]
     return cells
 
 
 def _difference(row: dict[str, Any]) -> str:
-    digits = DIGITS[row["metric"]]
-    text = f"{row['mean']:+.{digits}f}"
+    text = signed(row["mean"])
     if row["low"] is None:
         return text
-    return f"{text} ({row['low']:+.{digits}f} to {row['high']:+.{digits}f})"
+    return f"{text} ({signed(row['low'])} to {signed(row['high'])})"
+
+
+def signed(value: float) -> str:
+    """Return a number with its sign; what rounds to nothing has none."""
+    return f"{value:+.{DIGITS}f}" if round(value, DIGITS) else "0"
 
 
 def _cell(row: dict[str, Any]) -> str:

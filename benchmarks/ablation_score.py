@@ -20,7 +20,7 @@ from part2gs_robotics import se3
 from part2gs_robotics.articulate import Motion
 from part2gs_robotics.canonical import canonical_field
 from part2gs_robotics.gaussians import Gaussians
-from part2gs_robotics.joints import Joint
+from part2gs_robotics.identity import part_motions
 from part2gs_robotics.se3 import rotation_from_quats
 
 F64 = NDArray[np.float64]
@@ -52,7 +52,7 @@ class GaussianTwin:
         self.parts = [{"name": f"part_{k}", "type": joint.kind, "axis": joint.axis,
                        "point": joint.origin, "motion": joint.value}
                       for k, joint in enumerate(motion.joints, 1)]
-        moves = [np.eye(4), *(joint.transform(joint.value) for joint in motion.joints)]
+        moves = part_motions(motion.joints, motion.parents)
         labels = [motion.labels(s) for s in (0, 1)]
         self._meshes = {}
         for k, move in enumerate(moves):
@@ -104,11 +104,11 @@ def scored(kit: ModuleType, truth: Any, gaussians: tuple[Gaussians, Gaussians],
         if k in pairs:
             centroid = kit.sample_surface(*truth.mesh(k, 0), 5000, 0).mean(0)
             errors = kit.joint_errors(twin.parts[pairs[k] - 1], true, centroid, truth.diag)
-            joint = motion.joints[pairs[k] - 1]
+            move = part_motions(motion.joints, motion.parents)[pairs[k]]
             row |= {"type_ok": errors["type_ok"], "axis_deg": errors["angle_deg"],
                     "line_pct": errors["line_pct"], "motion_deg": errors["motion_deg"],
                     "motion_units": errors["motion_units"],
-                    "motion_pct": motion_error(kit, truth, k, joint),
+                    "motion_pct": motion_error(kit, truth, k, move),
                     "cd_m": chamfer_seen(kit, truth, k, twin, pairs[k])}
         rows.append(row)
     return {"parts": rows, "parts_found": len(pairs), "parts_extra": len(twin.parts) - len(pairs),
@@ -124,15 +124,21 @@ def averaged(gaussians: tuple[Gaussians, Gaussians],
     return (both[0], both[1]), (field.reference_state,)
 
 
-def motion_error(kit: ModuleType, truth: Any, part: int, joint: Joint) -> float:
-    """Return how far beside its true place the joint carries the part's surface, % of diagonal.
+def motion_error(kit: ModuleType, truth: Any, part: int, move: F64) -> float:
+    """Return how far beside its true place a motion carries the part's surface, % of diagonal.
 
     Mean over the true surface; turns and slides, axis, position and value in one number.
+
+    Args:
+        kit: the kit's `score` module.
+        truth: its `GroundTruth` of the scene.
+        part: true part.
+        move: [4, 4] from state 0 to state 1 in the world, parents' motions included.
     """
     zero, one = truth.mesh(part, 0)[0], truth.mesh(part, 1)[0]
     points = kit.sample_surface(*truth.mesh(part, 0), SAMPLES, 0)
     there = se3.apply(best_motion(zero, one), points)
-    found = se3.apply(joint.transform(joint.value), points)
+    found = se3.apply(move, points)
     return float(100 * np.linalg.norm(found - there, axis=1).mean() / truth.diag)
 
 
