@@ -16,7 +16,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -34,6 +34,7 @@ from part2gs_robotics.hashing import hash_of
 from part2gs_robotics.readers import read_scene
 from part2gs_robotics.saved import Fitted, load_fit, save_fit
 from part2gs_robotics.scene import Scene
+from part2gs_robotics.scene_frame import frame_of, gaussians_in_scene, internal, joint_in_scene
 from part2gs_robotics.store import Store, write_text_atomic
 
 OBJECTS = ("sektion_cabinet", "libero_wooden_cabinet", "pm_31249_table")
@@ -103,16 +104,20 @@ def run_seed(kit: ModuleType, path: Path, folder: Path, seed: int) -> None:
     store.prepare()
     with store.locked():
         began = time.monotonic()
+        frame = frame_of(scene)  # as a build does: rooms work in internal units
+        scene = internal(scene, frame)
         gaussians = fits(scene, store, seed)
         study, verdict, _ = found_motions(scene, gaussians, ArticulateConfig(seed=seed))
+        placed = (gaussians_in_scene(gaussians[0], frame), gaussians_in_scene(gaussians[1], frame))
         say(path.name, seed, f"{len(verdict.motions)} motions", time.monotonic() - began)
         truth = kit.GroundTruth(Path(f"{path}.gt"))
         for name in missing:
             began = time.monotonic()
             motion = settled_motion(scene, study, verdict, wanted[name], Clock(None))
             seconds = time.monotonic() - began
-            surface = averaged(gaussians) if name == AVERAGED else (gaussians, (0, 1))
-            found = scored(kit, truth, surface[0], motion, surface[1])
+            surface = averaged(placed) if name == AVERAGED else (placed, (0, 1))
+            joints = tuple(joint_in_scene(joint, frame) for joint in motion.joints)
+            found = scored(kit, truth, surface[0], replace(motion, joints=joints), surface[1])
             kept = [row.get("physics_kept", 0.0) for row in motion.diagnostics]
             row = {"object": path.name, "seed": seed, "variant": name, "seconds": seconds,
                    "joints_pulled": sum(kept), **found}
