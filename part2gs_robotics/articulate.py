@@ -104,7 +104,7 @@ def found_motions(
     clock.tick("evidence", 1)
     pool = _pool(study, np.random.default_rng(config.seed), moved, search)
     clock.tick("search", 2)
-    verdict = _decide(study, pool, config.parts, scene)
+    verdict = _decide(study, pool, config.parts, scene, search.swap)
     clock.tick("decision", 3, len(verdict.motions))
     return study, verdict, clock
 
@@ -144,10 +144,12 @@ def _pool(
     return pool
 
 
-def _decide(study: Study, pool: list[Hypothesis], parts: int | None, scene: Scene) -> Verdict:
+def _decide(
+    study: Study, pool: list[Hypothesis], parts: int | None, scene: Scene, swap: bool = True
+) -> Verdict:
     from part2gs_robotics.decide import decide
 
-    verdict = decide(study, pool, parts, lambda text: logger.info("decide: %s", text))
+    verdict = decide(study, pool, parts, lambda text: logger.info("decide: %s", text), swap)
     if not verdict.motions:
         raise FitError(
             f"{scene.path}: no rigid motion explains the difference of the two states. "

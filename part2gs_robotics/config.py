@@ -49,8 +49,12 @@ class Config:
 
 
 PRESETS: dict[str, dict[str, Value]] = {  # standard is what the dataclasses say
-    "draft": {"max_side": 320, "steps": 400, "half_steps": 250, "start_gaussians": 9_000,
-              "max_gaussians": 14_000, "hull_resolution": 128, "resolution": 128},
+    "draft": {"max_side": 320, "steps": 600, "half_steps": 300, "start_gaussians": 9_000,
+              "max_gaussians": 14_000, "hull_resolution": 128, "view_color": False,
+              "stereo_views": 24, "stereo_side": 80, "patches": 12, "patch_points": 32,
+              "swap": False, "proof_side": 96, "align_views": 8, "align_side": 128,
+              "sharp_side": 200,
+              "contact": False, "vector_field": False, "resolution": 96, "sweep_values": 11},
     "standard": {},
     "high": {"max_side": 1024, "steps": 3000, "half_steps": 600, "start_gaussians": 25_000,
              "max_gaussians": 80_000, "hull_resolution": 256, "resolution": 256,
@@ -66,8 +70,8 @@ BOUNDS: dict[str, tuple[float, float]] = {
     "stereo_views": (3, 10_000), "stereo_side": (16, 1024), "surfel_size": (1e-3, 0.1),
     "patches": (2, 1000), "patch_points": (12, 1000), "proof_views": (2, 1000),
     "proof_side": (16, 2048), "align_views": (2, 1000), "align_side": (16, 4096),
-    "sharp_side": (16, 4096), "parts": (1, 64), "resolution": (16, 1024), "clearance_voxels": (0, 16),
-    "sweep_values": (3, 10_001), "seed": (0, 2**31 - 1),
+    "sharp_side": (16, 4096), "parts": (1, 64), "resolution": (16, 1024),
+    "clearance_voxels": (0, 16), "sweep_values": (3, 10_001), "seed": (0, 2**31 - 1),
 }
 
 

@@ -181,7 +181,8 @@ class Judge:
 
 
 def decide(
-    study: Study, pool: list[Hypothesis], parts: int | None, say: Callable[[str], None]
+    study: Study, pool: list[Hypothesis], parts: int | None, say: Callable[[str], None],
+    swap: bool = True,
 ) -> Verdict:
     """Return the set of motions that pays: grown one by one, earlier ones replaceable.
 
@@ -190,13 +191,14 @@ def decide(
         pool: hypotheses.
         parts: number of moving parts if known; then the price is not asked.
         say: told every step.
+        swap: whether earlier motions are replaceable.
     """
     judge = Judge(study)
     best = solid = judge.judge([])
     say(f"nothing moves: cost {best.cost:.3f}")
     while pool and (parts is None or len(best.motions) < parts):
         grown = judge.polished(judge.best_of([[*best.motions, h] for h in pool], best))
-        grown = _swap(judge, grown, pool) if len(grown.motions) > 1 else grown
+        grown = _swap(judge, grown, pool) if swap and len(grown.motions) > 1 else grown
         price = 0.0 if parts is not None else judge.price(grown, best.cost)
         if price > best.cost - grown.cost > DOUBT * price and grown.coherent:
             # A drawer with nearly its length saves part of what it will: judge it at its best.
