@@ -130,6 +130,7 @@ def gaussians_in_scene(gaussians: Gaussians, frame: SceneFrame) -> Gaussians:
 
 def joint_in_scene(joint: Joint, frame: SceneFrame) -> Joint:
     """Return a joint in the scene's frame; infinite and unknown deviations stay so."""
+    assert joint.carrier is None  # only while motions are searched; a finished one has parents
     slide = frame.unit if joint.kind == "prismatic" else 1.0
     return replace(joint, origin=frame.points(joint.origin), value=joint.value * slide,
                    pitch=joint.pitch * frame.unit, sigma_origin=joint.sigma_origin * frame.unit,
