@@ -22,7 +22,7 @@ from typing import Any
 from reconstruction import parser, summary
 from reconstruction_runs import OBJECTS, folders, kept, run_once
 from reconstruction_suite import README, RESULTS, insert
-from reconstruction_table import complete, number, values
+from reconstruction_table import complete, count, number, values
 
 OUT = RESULTS.parent / "plan.json"
 QUICK = "plan_quick.json"
@@ -162,8 +162,9 @@ def markdown(result: dict[str, Any]) -> str:
     return "\n".join([*lines, "", _caption(result, len(bases))]) + "\n"
 
 
-def _caption(result: dict[str, Any], count: int) -> str:
-    return (f"Preset {result['preset']}, {count} objects, medians of the parts found; "
+def _caption(result: dict[str, Any], objects: int) -> str:
+    words = count(objects, "object")
+    return (f"Preset {result['preset']}, {words}, medians of the parts found; "
             f"{result['machine']}; commit {result['commit']}, {result['date']}; "
             "`benchmarks/plan_table.py`. Checks come after the twin and change nothing in it; "
             "their time includes the export.")

@@ -111,7 +111,7 @@ def summary(rows: list[dict[str, Any]]) -> dict[str, Any]:
     return {
         "options": rows[0]["options"] if rows else {},
         "machine": f"{os.cpu_count()} CPU cores, {platform.machine()}",
-        "commit": git("rev-parse", "--short", "HEAD"),
+        "commit": ", ".join(dict.fromkeys(row["commit"] for row in rows)),
         "date": git("log", "-1", "--format=%cs"),
         "rows": rows,
     }

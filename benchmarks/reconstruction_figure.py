@@ -15,7 +15,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 from raster_figure import FONT, INK, TALL, WIDE, Axes, Line, even, panel, powers
-from reconstruction_table import complete, grouped
+from reconstruction_table import complete, count, grouped
 
 Rows = list[dict[str, Any]]
 Rgb = NDArray[np.uint8]
@@ -91,8 +91,8 @@ def psnr(groups: dict[tuple[str, str, float], Rows]) -> Rgb:
         curves = [row["curve"] for row in rows if share == 1.0 and row["curve"]]
         if not curves:
             continue
-        count = min(map(len, curves))
-        middle = np.median([one[:count] for one in curves], 0)
+        marks = min(map(len, curves))
+        middle = np.median([one[:marks] for one in curves], 0)
         middle[:, 0] = np.maximum(middle[:, 0], 0.1)  # seconds: a logarithm has no zero
         lines.append(Line(preset, middle[:, 0].tolist(), middle[:, 1].tolist(),
                           color(preset, device)))
@@ -106,8 +106,8 @@ def legend(groups: dict[tuple[str, str, float], Rows], result: dict[str, Any]) -
         cv2.line(image, (60, 110 + 60 * k), (140, 110 + 60 * k), color(preset, device), 6,
                  cv2.LINE_AA)
         _write(image, preset if device == "cpu" else f"{preset}, {device}", (165, 122 + 60 * k))
-    objects = {row["object"] for row in result["rows"]}
-    words = [f"medians over {len(objects)} objects, bands: quartiles", "missed parts are charged",
+    objects = count(len({row["object"] for row in result["rows"]}), "object")
+    words = [f"medians over {objects}, bands: quartiles", "missed parts are charged",
              "points: 1/16 to 1 of a preset's steps", result["machine"],
              f"commit {result['commit']}"]
     for k, word in enumerate(words):

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from reconstruction_suite import run_kit, summary_row
+from reconstruction_suite import git, run_kit, summary_row
 
 # What the kit counts as dev: two of them have published numbers.
 OBJECTS = (
@@ -42,7 +42,8 @@ def run_once(args: Namespace, work: Path, name: str, flags: Sequence[str], *,
     built = folders(work, name)
     row = found["rows"][0]  # type: ignore[index]
     return row_of(row, built[0] if built else work) | {
-        "flags": list(flags), "options": found["options"]}
+        "flags": list(flags), "options": found["options"],
+        "commit": git("rev-parse", "--short", "HEAD")}
 
 
 def folders(work: Path, name: str) -> list[Path]:

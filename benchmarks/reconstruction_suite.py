@@ -67,7 +67,8 @@ def run_kit(args: argparse.Namespace, work: Path) -> dict[str, object]:
         "--objects", *args.objects, "--out", str(work.resolve()), "--cmd", args.cmd,
         "--views", str(args.views), "--size", str(args.size), "--seed", str(args.seed),
     ]  # fmt: skip
-    subprocess.run(command, check=True, env=environment)
+    # The kit's own table goes to stderr: ours alone is the output.
+    subprocess.run(command, check=True, env=environment, stdout=2)
     return dict(json.loads((work / "results.json").read_text()))
 
 

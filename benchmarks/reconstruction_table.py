@@ -51,13 +51,19 @@ def cells(group: tuple[str, str, float], rows: Rows) -> list[str]:
 
 def caption(result: dict[str, Any]) -> str:
     """Return what the table shows and how it was made."""
-    options, objects = result["options"], {row["object"] for row in result["rows"]}
+    options = result["options"]
+    objects = count(len({row["object"] for row in result["rows"]}), "object")
     return (
-        f"Medians over {len(objects)} objects, the worst one in brackets; of the parts found; "
+        f"Medians over {objects}, the worst one in brackets; of the parts found; "
         "Chamfer in 1000 x squared units with the kit's sampling floor beside. "
         f"{options['views']} + {options['views']} RGB views of {options['size']} x "
         f"{options['size']} pixels, nothing given; {result['machine']}; commit {result['commit']}, "
         f"{result['date']}; `benchmarks/reconstruction.py`.")
+
+
+def count(number: int, word: str) -> str:
+    """Return a number with its noun."""
+    return f"{number} {word}{'' if number == 1 else 's'}"
 
 
 def complete(row: dict[str, Any]) -> bool:
