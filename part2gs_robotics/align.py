@@ -26,6 +26,7 @@ from part2gs_robotics.align_system import (
 )
 from part2gs_robotics.align_view import add_view
 from part2gs_robotics.cross_render import both_cost, move_gaussians
+from part2gs_robotics.faces import Faces, squared
 from part2gs_robotics.gaussians import Gaussians
 from part2gs_robotics.joint_fit import move_of
 from part2gs_robotics.joints import Joint
@@ -70,6 +71,7 @@ def align(
     diag: float,
     levels: tuple[Level, ...] = (*COARSE, *FINE),
     deviations: bool = True,
+    faces: Faces | None = None,
 ) -> list[Joint]:
     """Return the joints after direct alignment against both states' views.
 
@@ -81,6 +83,7 @@ def align(
         diag: diagonal of the object in scene units.
         levels: widths, one after the other; late ones suffice for joints that are nearly right.
         deviations: whether to estimate standard deviations; no need where joints change again.
+        faces: flat faces that axes are drawn to, as far as the images leave them free.
     """
     for level in levels:
         poses = [at(j, diag) for j in joints]
@@ -98,10 +101,12 @@ def align(
     poses = [at(j, diag) for j in joints]
     pairs = _systems(gaussians, labels, poses, views, levels[-1], patches=True)
     true = _true_curvatures(gaussians, labels, poses, views, levels[-1])
-    return [
+    joints = [
         _judged_by_curvature(j, *pair, h, diag)
         for j, pair, h in zip(joints, pairs, true, strict=True)
     ]
+    return [squared(j, weighed(*pair).h, faces, diag) if faces else j
+            for j, pair in zip(joints, pairs, strict=True)]
 
 
 def judged(

@@ -166,6 +166,7 @@ def settled_motion(
     """Return joints and part identities of the motions that were decided on: the second half."""
     from part2gs_robotics.align import judged
     from part2gs_robotics.decide import Judge
+    from part2gs_robotics.nested import flat, nest
     from part2gs_robotics.part_labels import labels_under, part_probs, start_labels
     from part2gs_robotics.physics_terms import part_diagnostics, physical_steps
     from part2gs_robotics.settle import settle
@@ -182,22 +183,24 @@ def settled_motion(
     if pulled is not start and not config.paper_mode:  # the paper refines by its losses alone
         joints = judged(study.gaussians, study.gaussian_labels(hard), start, pulled, views)
     kept = [{"physics_kept": float(new is not old)} for new, old in zip(joints, start, strict=True)]
+    tree = flat(joints, hard)
     if config.alignment and not config.paper_mode:
         side = search.sharp_side
         sharp = small_views(one, count, side), small_views(two, count, side)
-        joints, hard = settle(judge, joints, hard, views, sharp)
+        tree = nest(judge, *settle(judge, joints, hard, views, sharp), config, sharp)
+    joints, parents = tree.joints, tree.parents
     clock.tick("alignment", 4, len(joints))
-    hard, costs = labels_under(judge, joints, hard, config)
-    probs = part_probs(study, joints, costs, hard, config)
+    hard, costs = labels_under(judge, joints, tree.hard, config)
+    probs = part_probs(study, joints, costs, hard, config, parents)
     diagnostics, notes = part_diagnostics(study, joints, hard, config.paper_mode)
-    diagnostics = tuple({**row, **pull} for row, pull in zip(diagnostics, kept, strict=True))
+    diagnostics = tuple({**row, **(kept[n - 1] if n else {})}
+                        for row, n in zip(diagnostics, tree.known, strict=True))
     if config.parts and config.parts != len(joints):
         notes = (*notes, f"--parts asks for {config.parts} moving parts; only {len(joints)} are "
                  "rigid bodies of their own, the others were left out.")
     clock.tick("identity", 5, len(joints))
-    return Motion(
-        (probs[0], probs[1]), tuple(joints), (0,) * len(joints), diagnostics, notes, clock.seconds
-    )
+    alone = tuple(replace(j, carrier=None) for j in joints)  # the parents say it from here on
+    return Motion((probs[0], probs[1]), alone, parents, diagnostics, notes, clock.seconds)
 
 
 def _joints(judge: Judge, verdict: Verdict) -> list[Joint]:

@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 
 from part2gs_robotics import se3
 from part2gs_robotics.align import FINE, align
-from part2gs_robotics.decide import Judge, Verdict
+from part2gs_robotics.config import ArticulateConfig
+from part2gs_robotics.decide import AGAINST, Judge, Verdict
 from part2gs_robotics.joint_fit import choose_joint, move_of
 from part2gs_robotics.joints import Joint
 from part2gs_robotics.motion_refine import refine
@@ -56,19 +57,30 @@ class Tree:
     known: tuple[int, ...]
 
 
-def nest(judge: Judge, joints: list[Joint], hard: Labels, most: int | None,
-         rng: np.random.Generator) -> Tree:
-    """Return the joints with parts that other parts carry, not yet aligned to the images.
+def flat(joints: list[Joint], hard: Labels) -> Tree:
+    """Return the tree of parts that all hang on the base."""
+    return Tree(joints, (0,) * len(joints), hard, tuple(range(1, len(joints) + 1)))
+
+
+def nest(judge: Judge, joints: list[Joint], hard: Labels, config: ArticulateConfig,
+         views: Views) -> Tree:
+    """Return the joints with parts that other parts carry, aligned to the images.
 
     Args:
         judge: of the study.
         joints: of parts 1..K on the base, settled.
         hard: [N0 + N1] surfel labels.
-        most: number of moving parts, if known.
-        rng: of the search.
+        config: number of moving parts, if known, and seed.
+        views: images of both states.
     """
-    known = tuple(range(1, len(joints) + 1))
-    tree = _rehung(judge, Tree(joints, (0,) * len(joints), hard, known))
+    tree = chains(judge, joints, hard, config.parts, np.random.default_rng(config.seed))
+    return aligned(judge, tree, views) if any(tree.parents) else tree
+
+
+def chains(judge: Judge, joints: list[Joint], hard: Labels, most: int | None,
+           rng: np.random.Generator) -> Tree:
+    """Return what `nest` does, not yet aligned to the images; at most `most` parts."""
+    tree = _rehung(judge, flat(joints, hard))
     for carrier in range(1, len(joints) + 1):
         while most is None or len(tree.joints) < most:
             grown = _grown(judge, tree, carrier, most is None, rng)
@@ -106,7 +118,7 @@ def aligned(judge: Judge, tree: Tree, views: Views) -> Tree:
     for levels in (FINE[:1], FINE):
         hard, _ = claim(judge, tree.joints, tree.hard)
         joints = align(study.gaussians, study.gaussian_labels(hard), tree.joints, views,
-                       study.diag, levels, deviations=levels is FINE)
+                       study.diag, levels, levels is FINE, study.faces)
         tree = carried(replace(tree, joints=joints, hard=hard))
     return tree
 
@@ -225,6 +237,8 @@ def _rehung(judge: Judge, tree: Tree) -> Tree:
                 continue
             guess = _beside(motions[k], move_of(tree.joints[p]), _own(judge, best.hard, k + 1))
             trial = _replaced(judge, best, k, guess)
+            if trial is None:
+                continue
             cost = trial.cost * (1 + _apart(judge, trial, k))
             logger.info("nested: part %d on part %d: %.4f, was %.4f", k + 1, p + 1, cost, score)
             if trial.coherent and cost < score:
@@ -237,10 +251,13 @@ def _rehung(judge: Judge, tree: Tree) -> Tree:
     return tree
 
 
-def _replaced(judge: Judge, verdict: Verdict, k: int, guess: Hypothesis) -> Verdict:
+def _replaced(judge: Judge, verdict: Verdict, k: int, guess: Hypothesis) -> Verdict | None:
+    """Return the verdict with one motion replaced; None where surfels alone speak against it."""
     tau = judge.study.tau
     h = refine(guess, _own(judge, verdict.hard, k + 1), judge.lands, (1.3 * tau, tau, 0.7 * tau), 4)
-    return judge.judge([*verdict.motions[:k], h, *verdict.motions[k + 1:]])
+    motions = [*verdict.motions[:k], h, *verdict.motions[k + 1:]]
+    known = judge.sort_out(motions)
+    return judge.judge(motions, known) if known[1] < (1 + AGAINST) * verdict.surfel_cost else None
 
 
 def _beside(h: Hypothesis, carrier: F64, own: tuple[Surfels, Surfels]) -> Hypothesis:

@@ -62,7 +62,7 @@ def _aligned(judge: Judge, joints: list[Joint], hard: Labels, views: Views | Non
     end = joints
     if views:
         end = align(study.gaussians, labels, end, views, study.diag, COARSE, deviations=False)
-    end = align(study.gaussians, labels, end, sharp, study.diag, FINE)
+    end = align(study.gaussians, labels, end, sharp, study.diag, FINE, faces=study.faces)
     return judged(study.gaussians, labels, joints, end, sharp, LEAST_GAIN)
 
 

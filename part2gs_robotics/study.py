@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +12,7 @@ from scipy.spatial import cKDTree
 from part2gs_robotics.config import SearchConfig
 from part2gs_robotics.errors import FitError
 from part2gs_robotics.evidence import DepthMaps, observe, render_depth_maps
+from part2gs_robotics.faces import Faces, flat_faces
 from part2gs_robotics.gaussians import Gaussians
 from part2gs_robotics.labelling import Graph, build_graph
 from part2gs_robotics.landing import Landing, build_landing
@@ -53,6 +55,11 @@ class Study:
         vacated, arrived = len(self.evidence.vacated), len(self.evidence.arrived)
         share = vacated / max(vacated + arrived, 1)
         return share, 1.0 - share
+
+    @cached_property
+    def faces(self) -> Faces:
+        """Flat faces of both states."""
+        return flat_faces(self.surfels, self.diag, np.random.default_rng(0))
 
     @property
     def tau(self) -> float:
