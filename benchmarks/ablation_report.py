@@ -142,7 +142,8 @@ def markdown(result: dict[str, Any]) -> str:
         if rows:
             cells = " | ".join(_cell(r) for r in rows)
             lines.append(f"| {TITLES[c.key]} | {c.form} | {cells} |")
-    lines += ["", f"{len(keys)} pair{'s' * (len(keys) != 1)} (objects x seeds: {', '.join(options['objects'])}; seeds "
+    pairs = f"{len(keys)} pair" + "s" * (len(keys) != 1)
+    lines += ["", f"{pairs} (objects x seeds: {', '.join(options['objects'])}; seeds "
               f"{', '.join(map(str, options['seeds']))}), {options['views']} + {options['views']} "
               f"RGB views of {options['size']} x {options['size']}, number of parts not given; "
               f"{result['machine']}; commit {result['commit']}. Tests per family: {families}; p "
