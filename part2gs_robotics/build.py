@@ -254,6 +254,9 @@ def settle_plan(plan: Plan, gaussians: tuple[Gaussians, Gaussians], motion: Moti
     if plan["part competition"].decided == "during":
         many = len(motion.joints) > 1
         plan = plan.settle("part competition", many, f"{len(motion.joints)} moving parts found")
+    if plan["parts on parts"].decided == "during":
+        on = [f"part_{k + 1} on part_{p}" for k, p in enumerate(motion.parents) if p]
+        plan = plan.settle("parts on parts", bool(on), ", ".join(on) or "all hang on the base")
     split = [part.name for part in parts if len(part.pieces) > 1]
     whole = [part.name for part in parts if len(part.pieces) <= 1]
     sentences = [f"{', '.join(names)} {fate}" for names, fate in
