@@ -152,8 +152,8 @@ def _articulation(scene: Scene, config: Config) -> tuple[PlanItem, ...]:
             ["paper mode refines by its losses alone" if mode
              else "second-order steps" if config.articulate.alignment
              else "off by --no-alignment", *_measured("alignment")])),
-        PlanItem("parts on parts", True, "searched where a part's motion leaves surface unexplained",
-                 "during") if config.articulate.alignment and not mode else
+        PlanItem("parts on parts", True, "searched where a part's motion leaves surface "
+                 "unexplained", "during") if config.articulate.alignment and not mode else
         PlanItem("parts on parts", False, "needs the alignment to images"),
     )
 
