@@ -19,6 +19,7 @@ from part2gs_robotics.config import ArticulateConfig
 from part2gs_robotics.decide import AGAINST, Judge, Verdict
 from part2gs_robotics.joint_fit import choose_joint, move_of
 from part2gs_robotics.joints import Joint
+from part2gs_robotics.landing import land
 from part2gs_robotics.motion_refine import refine
 from part2gs_robotics.motion_search import Hypothesis, directions, search_patch
 from part2gs_robotics.motion_select import PATCH_POINTS, PATCH_RADIUS, SEARCH_TAU, farthest, spread
@@ -30,10 +31,11 @@ logger = logging.getLogger(__name__)
 F64 = NDArray[np.float64]
 Labels = NDArray[np.int64]
 Views = tuple[SmallViews, SmallViews]
-UNEXPLAINED = 0.35  # landing cost: worse than a surface met that another part carries
+UNEXPLAINED = 0.5  # landing cost: halfway from an unobserved place to one seen empty
 LEAST_LEFT = 0.01  # of a carrier's surfels: a magazine or a latch leaves more, noise of rims less
 SEEDS = 6  # patches of what is left: a carried part is a small thing
 GUESSES = 6  # motions of each patch that are refined
+TRIED = 8  # refined motions, those that land most of what is left, that are judged
 LEAST_TURN = np.deg2rad(3.0)  # beside the carrier: less is the carrier's own error
 LEAST_SLIDE = 0.02  # of the diagonal, likewise
 NEAR = 0.05  # of the diagonal: a hinge goes through its part or lies beside it
@@ -195,7 +197,9 @@ def _search(judge: Judge, left: Surfels, carrier: F64, rng: np.random.Generator,
             start = replace(guess, carrier=carrier)
             found.append(refine(start, (empty, left.select(near)), study.lands,
                                 (SEARCH_TAU * diag, study.tau), 3))
-    return [h for h in found if abs(h.value) > (LEAST_TURN if h.kind else LEAST_SLIDE * diag)]
+    real = [h for h in found if abs(h.value) > (LEAST_TURN if h.kind else LEAST_SLIDE * diag)]
+    costs = [land(se3.inverse(h.move), left, study.lands[0], study.tau)[0].sum() for h in real]
+    return [real[i] for i in np.argsort(costs, kind="stable")[:TRIED]]
 
 
 def _own(judge: Judge, hard: Labels, part: int) -> tuple[Surfels, Surfels]:
