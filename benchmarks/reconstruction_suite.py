@@ -23,7 +23,9 @@ ROOT = Path(__file__).resolve().parents[1]
 RESULTS = ROOT / "benchmarks/results/suite.json"
 README = ROOT / "README.md"
 BEGIN, END = "<!-- suite:begin -->", "<!-- suite:end -->"
-OBJECTS = ("libero_microwave", "libero_wooden_cabinet", "sektion_cabinet", "pm_10211_laptop")
+OBJECTS = ("libero_microwave", "pm_10211_laptop", "robosuite_door", "pm_103275_stapler",
+           "pm_102209_trashcan", "libero_wooden_cabinet", "sektion_cabinet", "pm_31249_table",
+           "bigym_dishwasher", "robosuite_door_nested", "pm_103275_stapler_nested")
 COMMAND = "part2gs-robot build {scene} -o {out}"
 HEAD = (
     "object", "moving parts found", "joint types right", "axis, deg", "position, % of diagonal",
