@@ -112,11 +112,11 @@ def publish(result: dict[str, Any]) -> str:
 
 
 def quoted(result: dict[str, Any]) -> dict[str, str]:
-    """Return one short sentence per switch, as the plan of a build says it."""
+    """Return one short sentence per switch, as the plan of a build says it; none untested."""
     found = {}
     for name in SWITCHES:
         rows = _rows(result, name, "corrected")
-        if rows:
+        if rows and all(r["verdict"] != "not tested" for r in rows):
             runs = f"{rows[0]['n']} run" + "s" * (rows[0]["n"] != 1)
             numbers = ", ".join(f"{METRICS[r['metric']][0]} {signed(r['mean'])}" for r in rows)
             found[name] = f"{together([r['verdict'] for r in rows])}: {numbers} on {runs}"

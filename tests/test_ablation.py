@@ -245,6 +245,7 @@ def test_one_run_is_shown_but_not_tested(page: ModuleType) -> None:
     assert "Tests per family: 0 corrected, 0 printed, 0 printed for corrected" in text
     assert "Failed: chest: no hull" in text
     assert "nan" not in text.lower()
+    assert page.quoted(result) == {}, "a build's plan quotes tests, not single runs"
 
 
 def test_the_repositorys_page_has_both_markers_and_the_plan_quotes_the_results() -> None:
