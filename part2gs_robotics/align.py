@@ -98,15 +98,24 @@ def align(
         joints = [pose.joint for pose in poses]
     if not deviations:
         return joints
+    known = _with_deviations(gaussians, labels, joints, views, diag, levels[-1])
+    return [squared(j, h, faces, diag) if faces else j for j, h in known]
+
+
+def _with_deviations(
+    gaussians: tuple[Gaussians, Gaussians],
+    labels: tuple[NDArray[np.int64], NDArray[np.int64]],
+    joints: list[Joint],
+    views: tuple[SmallViews, SmallViews],
+    diag: float,
+    level: Level,
+) -> list[tuple[Joint, F64]]:
+    """Return the joints with standard deviations, each with the [P, P] curvature of its steps."""
     poses = [at(j, diag) for j in joints]
-    pairs = _systems(gaussians, labels, poses, views, levels[-1], patches=True)
-    true = _true_curvatures(gaussians, labels, poses, views, levels[-1])
-    joints = [
-        _judged_by_curvature(j, *pair, h, diag)
-        for j, pair, h in zip(joints, pairs, true, strict=True)
-    ]
-    return [squared(j, weighed(*pair).h, faces, diag) if faces else j
-            for j, pair in zip(joints, pairs, strict=True)]
+    pairs = _systems(gaussians, labels, poses, views, level, patches=True)
+    true = _true_curvatures(gaussians, labels, poses, views, level)
+    return [(_judged_by_curvature(j, *pair, h, diag), weighed(*pair).h)
+            for j, pair, h in zip(joints, pairs, true, strict=True)]
 
 
 def judged(

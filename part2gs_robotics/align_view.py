@@ -21,14 +21,8 @@ OCCLUSION = (
 
 
 def add_view(
-    systems: list[System],
-    rates: list[F64],
-    out: Rendered,
-    small: SmallViews,
-    v: int,
-    diag: float,
-    blur: float,
-    robust: float,
+    systems: list[System], rates: list[F64], out: Rendered, small: SmallViews, v: int, diag: float,
+    blur: float, robust: float,
 ) -> None:
     """Add one view to the systems of all parts.
 
@@ -60,18 +54,8 @@ def add_view(
         part_z = _spread_depth(z, share[..., k + 1])
         pixels &= part_z > 0
         if pixels.sum() > 20:
-            _add_pixels(
-                system,
-                rates[k],
-                np.nonzero(pixels),
-                part_z,
-                (across, down),
-                photo - drawn,
-                own.astype(np.float32),
-                small,
-                v,
-                robust,
-            )
+            slopes_of = part_z, (across, down), photo - drawn, own.astype(np.float32)
+            _add_pixels(system, rates[k], np.nonzero(pixels), *slopes_of, small, v, robust)
 
 
 def _spread_depth(z: F32, own: F32) -> F32:

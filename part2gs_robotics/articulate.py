@@ -200,7 +200,7 @@ def settled_motion(
                  "rigid bodies of their own, the others were left out.")
     clock.tick("identity", 5, len(joints))
     alone = tuple(replace(j, carrier=None) for j in joints)  # the parents say it from here on
-    return Motion((probs[0], probs[1]), alone, parents, diagnostics, notes, clock.seconds)
+    return Motion(probs, alone, parents, diagnostics, notes, clock.seconds)
 
 
 def _joints(judge: Judge, verdict: Verdict) -> list[Joint]:
