@@ -166,10 +166,10 @@ def settled_motion(
     """Return joints and part identities of the motions that were decided on: the second half."""
     from part2gs_robotics.align import judged
     from part2gs_robotics.decide import Judge
-    from part2gs_robotics.nested import flat, nest
+    from part2gs_robotics.nested import nest
     from part2gs_robotics.part_labels import labels_under, part_probs, start_labels
+    from part2gs_robotics.part_tree import flat
     from part2gs_robotics.physics_terms import part_diagnostics, physical_steps
-    from part2gs_robotics.settle import settle
     from part2gs_robotics.small_views import small_views
 
     judge, search = Judge(study), search or SearchConfig()
@@ -187,7 +187,7 @@ def settled_motion(
     if config.alignment and not config.paper_mode:
         side = search.sharp_side
         sharp = small_views(one, count, side), small_views(two, count, side)
-        tree = nest(judge, *settle(judge, joints, hard, views, sharp), config, sharp)
+        tree = nest(judge, joints, hard, config, (views, sharp))
     joints, parents = tree.joints, tree.parents
     clock.tick("alignment", 4, len(joints))
     hard, costs = labels_under(judge, joints, tree.hard, config)

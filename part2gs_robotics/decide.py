@@ -145,12 +145,15 @@ class Judge:
 
     def price(self, grown: Verdict, left: float) -> float:
         """Return what one more part must save of the cost left: more if a part hardly moves."""
-        points = np.concatenate([s.points for s in self.study.surfels])
-        moved = [np.linalg.norm(se3.apply(h.move, own) - own, axis=1).mean()
-                 for k, h in enumerate(grown.motions)
-                 if len(own := points[grown.hard == k + 1])]
-        slow = min(moved, default=0.0) < SLOW * self.study.diag
+        ways = [self.way(grown, k) for k in range(len(grown.motions))]
+        slow = min((w for w in ways if w is not None), default=0.0) < SLOW * self.study.diag
         return max(PART_PRICE, (SLOW_SHARE if slow else PART_SHARE) * left)
+
+    def way(self, verdict: Verdict, k: int) -> float | None:
+        """Return how far motion k moves its surfels on average, scene units; None without any."""
+        points = np.concatenate([s.points for s in self.study.surfels])[verdict.hard == k + 1]
+        gaps = se3.apply(verdict.motions[k].move, points) - points
+        return float(np.linalg.norm(gaps, axis=1).mean()) if len(points) else None
 
     def confidence(self, verdict: Verdict, k: int) -> float:
         """Return the share of motion k's surfels that no other label explains as well."""

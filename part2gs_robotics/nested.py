@@ -8,7 +8,7 @@ looked at; a scene that leaves nothing needs none of this.
 from __future__ import annotations
 
 import logging
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,14 +16,16 @@ from numpy.typing import NDArray
 from part2gs_robotics import se3
 from part2gs_robotics.align import FINE, align
 from part2gs_robotics.config import ArticulateConfig
-from part2gs_robotics.decide import AGAINST, Judge, Verdict
+from part2gs_robotics.decide import AGAINST, SLOW, Judge, Verdict
 from part2gs_robotics.joint_fit import choose_joint, move_of
 from part2gs_robotics.joints import Joint
 from part2gs_robotics.landing import land
 from part2gs_robotics.motion_refine import refine
 from part2gs_robotics.motion_search import Hypothesis, directions, search_patch
 from part2gs_robotics.motion_select import PATCH_POINTS, PATCH_RADIUS, SEARCH_TAU, farthest, spread
+from part2gs_robotics.part_tree import Tree, carried, flat, ordered
 from part2gs_robotics.reach import claim
+from part2gs_robotics.settle import settle
 from part2gs_robotics.small_views import SmallViews
 from part2gs_robotics.surfels import Surfels
 
@@ -43,68 +45,57 @@ FAR_PRICE = 0.02  # of the cost left: for a hinge line FAR away from its part; s
 FAR = 0.3  # of the diagonal
 
 
-@dataclass(frozen=True)
-class Tree:
-    """Joints with what carries them.
-
-    Attributes:
-        joints: of parts 1..K, carriers' motions within.  parents: part that carries each, 0 = base.
-        hard: [N0 + N1] surfel labels.
-        known: of every part, its number in the search on the base, 0 = found since.
-    """
-
-    joints: list[Joint]
-    parents: tuple[int, ...]
-    hard: Labels
-    known: tuple[int, ...]
-
-
-def flat(joints: list[Joint], hard: Labels) -> Tree:
-    """Return the tree of parts that all hang on the base."""
-    return Tree(joints, (0,) * len(joints), hard, tuple(range(1, len(joints) + 1)))
-
-
 def nest(judge: Judge, joints: list[Joint], hard: Labels, config: ArticulateConfig,
-         views: Views) -> Tree:
-    """Return the joints with parts that other parts carry, aligned to the images.
+         views: tuple[Views, Views]) -> Tree:
+    """Return the joints settled, with parts that other parts carry, aligned to the images.
+
+    A part that does not pay once joints are settled is left out, and the others settle again.
 
     Args:
         judge: of the study.
-        joints: of parts 1..K on the base, settled.
-        hard: [N0 + N1] surfel labels.
+        joints: of parts 1..K on the base, start.
+        hard: [N0 + N1] surfel labels, start.
         config: number of moving parts, if known, and seed.
-        views: images of both states.
+        views: images of both states, small and sharp.
     """
-    tree = chains(judge, joints, hard, config.parts, np.random.default_rng(config.seed))
-    return aligned(judge, tree, views) if any(tree.parents) else tree
+    tree = flat(*settle(judge, joints, hard, *views))
+    if config.parts is None and len(joints) > 1:
+        paying = _pruned(judge, tree)
+        if len(paying.joints) < len(joints):
+            again = settle(judge, paying.joints, paying.hard, *views)
+            tree = replace(paying, joints=again[0], hard=again[1])
+    tree = chains(judge, tree, config.parts, np.random.default_rng(config.seed))
+    return aligned(judge, tree, views[1]) if any(tree.parents) else tree
 
 
-def chains(judge: Judge, joints: list[Joint], hard: Labels, most: int | None,
-           rng: np.random.Generator) -> Tree:
-    """Return what `nest` does, not yet aligned to the images; at most `most` parts."""
-    tree = _rehung(judge, flat(joints, hard))
-    for carrier in range(1, len(joints) + 1):
+def chains(judge: Judge, tree: Tree, most: int | None, rng: np.random.Generator) -> Tree:
+    """Return a flat tree with parts carried by others, not yet aligned; at most `most` parts."""
+    count = len(tree.joints)
+    tree = _rehung(judge, tree)
+    for carrier in range(1, count + 1):
         while most is None or len(tree.joints) < most:
             grown = _grown(judge, tree, carrier, most is None, rng)
             if grown is None:
                 break
             tree = grown
-    if most is None and len(tree.joints) > len(joints):
+    if most is None and len(tree.joints) > count:
         tree = _pruned(judge, tree)
-    return _ordered(tree)
+    return ordered(tree)
 
 
 def _pruned(judge: Judge, tree: Tree) -> Tree:
-    """Return the tree without parts that no longer pay.
+    """Return the tree without parts that no longer pay; the last one that moves stays.
 
-    Before a carried part is known, a turn about the base may have stood in for it.
+    Before joints are settled a bend may look like a part, and before a carried part is known a turn
+    about the base may have stood in for it.
     """
     for k in reversed(range(len(tree.joints))):
-        if not tree.known[k] or k + 1 in tree.parents:
+        if not tree.known[k] or k + 1 in tree.parents or len(tree.joints) == 1:
             continue
         motions = [_hypothesis(j) for j in tree.joints]
         now, rest = judge.judge(motions), judge.judge(motions[:k] + motions[k + 1:])
-        gain, price = rest.cost - now.cost, judge.price(now, rest.cost)
+        gain = rest.surfel_cost + rest.image_cost - now.surfel_cost - now.image_cost
+        price = judge.price(now, rest.surfel_cost + rest.image_cost)
         logger.info("nested: without part %d %.4f more; price %.4f", k + 1, gain, price)
         if gain < price or not now.improves(rest):
             parents = tree.parents[:k] + tree.parents[k + 1:]
@@ -123,25 +114,6 @@ def aligned(judge: Judge, tree: Tree, views: Views) -> Tree:
                        study.diag, levels, levels is FINE, study.faces)
         tree = carried(replace(tree, joints=joints, hard=hard))
     return tree
-
-
-def _ordered(tree: Tree) -> Tree:
-    """Return the tree with carriers before what they carry."""
-    order = sorted(range(len(tree.joints)), key=lambda k: tree.parents[k] > 0)
-    place = np.zeros(len(order) + 1, np.int64)
-    place[np.array(order, np.int64) + 1] = np.arange(1, len(order) + 1)
-    return Tree([tree.joints[k] for k in order],
-                tuple(int(place[tree.parents[k]]) for k in order),
-                place[tree.hard], tuple(tree.known[k] for k in order))
-
-
-def carried(tree: Tree) -> Tree:
-    """Return the tree with every carrier's motion as its joint is now."""
-    joints = list(tree.joints)
-    for k, parent in enumerate(tree.parents):
-        if parent:
-            joints[k] = replace(joints[k], carrier=move_of(joints[parent - 1]))
-    return replace(tree, joints=joints)
 
 
 def _hypothesis(j: Joint) -> Hypothesis:
@@ -235,6 +207,8 @@ def _rehung(judge: Judge, tree: Tree) -> Tree:
             continue  # carries something itself
         motions = [_hypothesis(j) for j in tree.joints]
         best, parent = judge.judge(motions), 0
+        if (judge.way(best, k) or 0.0) < SLOW * judge.study.diag:
+            continue  # what a carrier's turn backwards would explain just as well
         score = best.cost * (1 + _apart(judge, best, k))
         for p in range(len(tree.joints)):
             if p == k or tree.parents[p]:

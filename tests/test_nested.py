@@ -13,7 +13,8 @@ from part2gs_robotics.identity import part_motions
 from part2gs_robotics.joint_fit import move_of
 from part2gs_robotics.joints import Joint
 from part2gs_robotics.motion_search import Hypothesis
-from part2gs_robotics.nested import Tree, _beside, _ordered, aligned, carried, chains
+from part2gs_robotics.nested import _beside, aligned, chains
+from part2gs_robotics.part_tree import Tree, carried, flat, ordered
 from part2gs_robotics.small_views import small_views
 from part2gs_robotics.study import gather
 from part2gs_robotics.surfels import Surfels
@@ -68,7 +69,7 @@ def assert_flap(found, axis, way):
 def test_a_flap_on_a_door_is_found_and_hangs_on_the_door(chained):
     judge, views = chained
     hard = judge.judge([hypothesis(DOOR)]).hard
-    tree = chains(judge, [DOOR], hard, None, np.random.default_rng(0))
+    tree = chains(judge, flat([DOOR], hard), None, np.random.default_rng(0))
     assert tree.parents == (0, 1)
     assert tree.known == (1, 0)
     assert_flap(tree.joints[1], 4.0, 0.05)
@@ -84,7 +85,7 @@ def test_a_flap_on_a_door_is_found_and_hangs_on_the_door(chained):
 def test_a_door_without_a_flap_stays_alone(toy):
     judge, _ = photographed(toy)
     hard = judge.judge([hypothesis(DOOR)]).hard
-    tree = chains(judge, [DOOR], hard, None, np.random.default_rng(0))
+    tree = chains(judge, flat([DOOR], hard), None, np.random.default_rng(0))
     assert tree.parents == (0,)
     assert tree.joints == [DOOR]
 
@@ -92,7 +93,7 @@ def test_a_door_without_a_flap_stays_alone(toy):
 def test_a_given_number_of_parts_is_not_exceeded(chained):
     judge, _ = chained
     hard = judge.judge([hypothesis(DOOR)]).hard
-    assert chains(judge, [DOOR], hard, 1, np.random.default_rng(0)).parents == (0,)
+    assert chains(judge, flat([DOOR], hard), 1, np.random.default_rng(0)).parents == (0,)
 
 
 def test_a_part_taken_for_one_of_the_base_is_hung_where_it_turns(chained):
@@ -105,7 +106,7 @@ def test_a_part_taken_for_one_of_the_base_is_hung_where_it_turns(chained):
                     carrier=None)
     assert wrong.value == pytest.approx(angle)
     hard = judge.judge([hypothesis(DOOR), hypothesis(carrying(FLAP))]).hard
-    tree = chains(judge, [wrong, DOOR], _swapped(hard), 2, np.random.default_rng(0))
+    tree = chains(judge, flat([wrong, DOOR], _swapped(hard)), 2, np.random.default_rng(0))
     assert tree.parents == (0, 1)  # the carrier comes first
     assert tree.known == (2, 1)
     assert_flap(tree.joints[1], 4.0, 0.05)
@@ -134,7 +135,7 @@ def test_the_nearest_joint_on_a_carrier_is_exact_where_there_is_one(angle):
 def test_carriers_come_before_what_they_carry():
     joints = [replace(FLAP, value=float(k)) for k in range(4)]
     tree = Tree(joints, (3, 0, 0, 2), np.array([0, 1, 2, 3, 4]), (1, 2, 3, 0))
-    out = _ordered(tree)
+    out = ordered(tree)
     assert [j.value for j in out.joints] == [1.0, 2.0, 0.0, 3.0]
     assert out.parents == (0, 0, 2, 1)
     assert out.hard.tolist() == [0, 3, 1, 2, 4]
