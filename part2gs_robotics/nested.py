@@ -219,7 +219,9 @@ def _rehung(judge: Judge, tree: Tree) -> Tree:
                 continue
             cost = trial.cost * (1 + _apart(judge, trial, k))
             logger.info("nested: part %d on part %d: %.4f, was %.4f", k + 1, p + 1, cost, score)
-            if trial.coherent and cost < score:
+            # The base is likelier than a carrier by as much as no part is than one more: two slides
+            # along one line, or turns about one, explain the same either way.
+            if trial.coherent and cost < score - judge.price(trial, score):
                 best, parent, score = trial, p + 1, cost
         if parent:
             joints = list(tree.joints)

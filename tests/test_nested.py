@@ -145,3 +145,13 @@ def test_carriers_come_before_what_they_carry():
 def test_carriers_motions_follow_their_joints():
     tree = Tree([DOOR, replace(FLAP, carrier=np.eye(4))], (0, 1), np.zeros(1, int), (1, 0))
     np.testing.assert_array_equal(carried(tree).joints[1].carrier, move_of(DOOR))
+
+
+def test_look_alike_slides_stay_on_the_base(look_alikes):
+    """One block carried by the other would explain both states just as well."""
+    judge = Judge(look_alikes.study)
+    joints = [Joint("prismatic", h.axis, h.origin, h.value) for h in look_alikes.truth]
+    hard = judge.judge(list(look_alikes.truth)).hard
+    tree = chains(judge, flat(joints, hard), None, np.random.default_rng(0))
+    assert tree.parents == (0, 0)
+    assert tree.known == (1, 2)
