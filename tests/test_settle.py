@@ -12,7 +12,7 @@ from part2gs_robotics.decide import Judge
 from part2gs_robotics.joint_fit import move_of
 from part2gs_robotics.joints import Joint
 from part2gs_robotics.motion_search import Hypothesis
-from part2gs_robotics.settle import settle
+from part2gs_robotics.settle import VETO, settle
 from part2gs_robotics.small_views import small_views
 
 pytestmark = pytest.mark.usefixtures("one_numba_thread")
@@ -87,6 +87,7 @@ def test_a_part_that_nothing_shows_does_not_spoil_the_others(judge, views, true_
     start = [true_joints[0], replace(true_joints[1], axis=np.array([0.0, 0, 1]), value=0.5)]
     before = judge.judge([hypothesis(true_joints[0])]).hard
     found, hard = settle(judge, start, before, views, views)
-    assert image_cost(judge, found, hard, views) <= image_cost(judge, start, before, views)
+    was = image_cost(judge, start, before, views)  # of the true joint: it cannot get better
+    assert image_cost(judge, found, hard, views) <= (1 + VETO) * was
     assert miss(judge, found[:1], true_joints[:1]) < 0.003
     assert all(np.isfinite(j.axis).all() and np.isfinite(j.value) for j in found)
