@@ -66,13 +66,19 @@ def test_the_table_reaches_the_readme(
     assert "old" not in text
     assert "| box | 1 of 1 + 1 extra | 1 of 1 | 0.12 | 0.40 | 0.50 | - | 0.910 | yes " in text
     assert "| yes | pass | 61 | 900 |" in text
-    assert "| chest | 0 of 3 | 0 of 3 | - | - | - | - | - | no | exit 2 | 1 | - |" in text
+    assert "| chest | 0 of 3 | 0 of 3 | - | - | - | - | - | no | exit 2 | 1 | - | " in text
     stored = json.loads((tmp_path / "results/suite.json").read_text())
     assert stored["options"] == {"views": 64, "size": 400, "seed": 0}
     assert str(tmp_path) not in json.dumps(stored)  # no paths of the machine
     (tmp_path / "README.md").write_text(text.replace("| box", "| changed"))
     assert run(suite, monkeypatch) == 0
     assert (tmp_path / "README.md").read_text() == text
+
+
+def test_objects_that_are_not_run_keep_their_rows_and_commits(suite: ModuleType) -> None:
+    earlier = [{"object": name, "commit": "aaa"} for name in ("box", "chest")]
+    rows = suite.merged(earlier, [{"object": "box", "commit": "bbb"}])
+    assert {row["object"]: row["commit"] for row in rows} == {"chest": "aaa", "box": "bbb"}
 
 
 def test_without_any_result_it_says_what_to_do(
