@@ -4,8 +4,8 @@
 
 The kit is a folder with `suite.py`, which renders objects, runs the command, reads the exported
 MJCF and scores it against the truth; it never sees anything else of this project. Without --kit the
-table is made anew from benchmarks/results/suite.json. Objects that are not run keep their rows; every
-row names the commit it was made at.
+table is made anew from benchmarks/results/suite.json. Objects that are not run keep their rows;
+every row names the commit it was made at.
 """
 
 from __future__ import annotations

@@ -207,14 +207,6 @@ def _joints(judge: Judge, verdict: Verdict) -> list[Joint]:
     """Return the joint that explains every motion's surfels best."""
     from part2gs_robotics.joint_fit import choose_joint
 
-    study, n0 = judge.study, len(judge.study.surfels[0])
-    joints = []
-    for k, h in enumerate(verdict.motions):
-        own = (
-            study.surfels[0].select(verdict.hard[:n0] == k + 1),
-            study.surfels[1].select(verdict.hard[n0:] == k + 1),
-        )
-        joints.append(
-            choose_joint(h, own, judge.lands, study.tau, study.diag, judge.confidence(verdict, k))
-        )
-    return joints
+    study = judge.study
+    return [choose_joint(h, study.own(verdict.hard, k + 1), judge.lands, study.tau, study.diag,
+                         judge.confidence(verdict, k)) for k, h in enumerate(verdict.motions)]

@@ -167,16 +167,12 @@ class Judge:
 
     def polished(self, verdict: Verdict) -> Verdict:
         """Return the verdict with motions refined on their own surfels where that helps."""
-        n0, tau = len(self.study.surfels[0]), self.study.tau
         motions = list(verdict.motions)
         best = verdict
         for k, h in enumerate(verdict.motions):
-            own = (
-                self.study.surfels[0].select(best.hard[:n0] == k + 1),
-                self.study.surfels[1].select(best.hard[n0:] == k + 1),
-            )
+            own = self.study.own(best.hard, k + 1)
             trial = [*motions]
-            trial[k] = refine(h, own, self.lands, (1.3 * tau, tau, 0.7 * tau), 4)
+            trial[k] = refine(h, own, self.lands, self.study.taus, 4)
             new = self.judge(trial)
             if new.cost < best.cost:
                 best, motions = new, trial

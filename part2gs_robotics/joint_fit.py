@@ -34,6 +34,12 @@ def move_of(joint: Joint) -> F64:
     return own if joint.carrier is None else joint.carrier @ own
 
 
+def hypothesis_of(joint: Joint) -> Hypothesis:
+    """Return a joint's motion as the search knows it."""
+    return Hypothesis(int(joint.kind == "revolute"), joint.axis, joint.origin, joint.value,
+                      joint.carrier)
+
+
 def parameters(joint: Joint) -> F64:
     """Return zeros: two tilts, the value, and two offsets of a turning axis."""
     return np.zeros(3 if joint.kind == "prismatic" else 5)

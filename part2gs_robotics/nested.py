@@ -17,7 +17,7 @@ from part2gs_robotics import se3
 from part2gs_robotics.align import FINE, align
 from part2gs_robotics.config import ArticulateConfig
 from part2gs_robotics.decide import AGAINST, SLOW, Judge, Verdict
-from part2gs_robotics.joint_fit import choose_joint, move_of
+from part2gs_robotics.joint_fit import choose_joint, hypothesis_of, move_of
 from part2gs_robotics.joints import Joint
 from part2gs_robotics.landing import land
 from part2gs_robotics.motion_refine import refine
@@ -92,7 +92,7 @@ def _pruned(judge: Judge, tree: Tree) -> Tree:
     for k in reversed(range(len(tree.joints))):
         if not tree.known[k] or k + 1 in tree.parents or len(tree.joints) == 1:
             continue
-        motions = [_hypothesis(j) for j in tree.joints]
+        motions = [hypothesis_of(j) for j in tree.joints]
         now, rest = judge.judge(motions), judge.judge(motions[:k] + motions[k + 1:])
         gain = rest.surfel_cost + rest.image_cost - now.surfel_cost - now.image_cost
         price = judge.price(now, rest.surfel_cost + rest.image_cost)
@@ -116,14 +116,10 @@ def aligned(judge: Judge, tree: Tree, views: Views) -> Tree:
     return tree
 
 
-def _hypothesis(j: Joint) -> Hypothesis:
-    return Hypothesis(int(j.kind == "revolute"), j.axis, j.origin, j.value, j.carrier)
-
-
 def _grown(judge: Judge, tree: Tree, carrier: int, priced: bool, rng: np.random.Generator,
            ) -> Tree | None:
     """Return the tree with one more part on a carrier, or None if that does not pay."""
-    motions = [_hypothesis(j) for j in tree.joints]
+    motions = [hypothesis_of(j) for j in tree.joints]
     now = judge.judge(motions)
     costs = judge.costs(motions, now.hard)
     left = _left(judge, costs, now.hard, carrier)
@@ -174,23 +170,17 @@ def _search(judge: Judge, left: Surfels, carrier: F64, rng: np.random.Generator,
     return [real[i] for i in np.argsort(costs, kind="stable")[:TRIED]]
 
 
-def _own(judge: Judge, hard: Labels, part: int) -> tuple[Surfels, Surfels]:
-    n0, surfels = len(judge.study.surfels[0]), judge.study.surfels
-    return surfels[0].select(hard[:n0] == part), surfels[1].select(hard[n0:] == part)
-
-
 def _polished(judge: Judge, verdict: Verdict) -> Verdict:
     """Return the verdict with its last motion refined on its own surfels where that helps."""
-    tau = judge.study.tau
-    last = refine(verdict.motions[-1], _own(judge, verdict.hard, len(verdict.motions)),
-                  judge.lands, (1.3 * tau, tau, 0.7 * tau), 4)
+    last = refine(verdict.motions[-1], judge.study.own(verdict.hard, len(verdict.motions)),
+                  judge.lands, judge.study.taus, 4)
     new = judge.judge([*verdict.motions[:-1], last])
     return new if new.cost < verdict.cost else verdict
 
 
 def _joint(judge: Judge, verdict: Verdict, k: int) -> Joint:
     study, h = judge.study, verdict.motions[k]
-    joint = choose_joint(h, _own(judge, verdict.hard, k + 1), judge.lands, study.tau, study.diag,
+    joint = choose_joint(h, judge.study.own(verdict.hard, k + 1), judge.lands, study.tau, study.diag,
                          judge.confidence(verdict, k))
     return replace(joint, carrier=h.carrier)
 
@@ -205,7 +195,7 @@ def _rehung(judge: Judge, tree: Tree) -> Tree:
     for k in range(len(tree.joints)):
         if any(p == k + 1 for p in tree.parents):
             continue  # carries something itself
-        motions = [_hypothesis(j) for j in tree.joints]
+        motions = [hypothesis_of(j) for j in tree.joints]
         best, parent = judge.judge(motions), 0
         if (judge.way(best, k) or 0.0) < SLOW * judge.study.diag:
             continue  # what a carrier's turn backwards would explain just as well
@@ -213,7 +203,7 @@ def _rehung(judge: Judge, tree: Tree) -> Tree:
         for p in range(len(tree.joints)):
             if p == k or tree.parents[p]:
                 continue
-            guess = _beside(motions[k], move_of(tree.joints[p]), _own(judge, best.hard, k + 1))
+            guess = _beside(motions[k], move_of(tree.joints[p]), judge.study.own(best.hard, k + 1))
             trial = _replaced(judge, best, k, guess)
             if trial is None:
                 continue
@@ -233,8 +223,8 @@ def _rehung(judge: Judge, tree: Tree) -> Tree:
 
 def _replaced(judge: Judge, verdict: Verdict, k: int, guess: Hypothesis) -> Verdict | None:
     """Return the verdict with one motion replaced; None where surfels alone speak against it."""
-    tau = judge.study.tau
-    h = refine(guess, _own(judge, verdict.hard, k + 1), judge.lands, (1.3 * tau, tau, 0.7 * tau), 4)
+    study = judge.study
+    h = refine(guess, study.own(verdict.hard, k + 1), judge.lands, study.taus, 4)
     motions = [*verdict.motions[:k], h, *verdict.motions[k + 1:]]
     known = judge.sort_out(motions)
     return judge.judge(motions, known) if known[1] < (1 + AGAINST) * verdict.surfel_cost else None
@@ -257,7 +247,7 @@ def _beside(h: Hypothesis, carrier: F64, own: tuple[Surfels, Surfels]) -> Hypoth
 
 def _apart(judge: Judge, verdict: Verdict, k: int) -> float:
     """Return what a hinge line away from its part adds to the cost, as a share of it."""
-    h, own = verdict.motions[k], _own(judge, verdict.hard, k + 1)
+    h, own = verdict.motions[k], judge.study.own(verdict.hard, k + 1)
     points = np.concatenate([own[0].points, se3.apply(se3.inverse(h.move), own[1].points)])
     if not h.kind or not len(points):
         return 0.0

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from part2gs_robotics.align import COARSE, FINE, LEAST_GAIN, Level, align, judged
 from part2gs_robotics.cross_render import both_cost
 from part2gs_robotics.decide import Judge, Verdict, tune
-from part2gs_robotics.joint_fit import move_of
+from part2gs_robotics.joint_fit import hypothesis_of, move_of
 from part2gs_robotics.joints import Joint
 from part2gs_robotics.motion_search import Hypothesis
 from part2gs_robotics.reach import claim
@@ -75,7 +75,7 @@ def _alternate(
         labels = study.gaussian_labels(hard)
         joints = align(study.gaussians, labels, joints, views, study.diag,
                        FINE[:1] if turn else levels, deviations=False)
-        verdict = judge.judge([_hypothesis(j) for j in joints])
+        verdict = judge.judge([hypothesis_of(j) for j in joints])
         hard, _ = claim(judge, joints, verdict.hard)
         verdict = replace(verdict, hard=hard)
     return joints, verdict
@@ -85,10 +85,6 @@ def _cost(judge: Judge, joints: list[Joint], hard: Labels, views: Views) -> floa
     moves = [np.eye(4), *(move_of(j) for j in joints)]
     study = judge.study
     return both_cost(study.gaussians, study.gaussian_labels(hard), moves, views, (0.5, 0.5))
-
-
-def _hypothesis(joint: Joint) -> Hypothesis:
-    return Hypothesis(int(joint.kind == "revolute"), joint.axis, joint.origin, joint.value)
 
 
 def _follow(joint: Joint, motion: Hypothesis) -> Joint:

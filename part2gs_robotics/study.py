@@ -24,6 +24,7 @@ from part2gs_robotics.surfels import Surfels, fuse_surfels, sampling
 F64 = NDArray[np.float64]
 SELF_TOLERANCE = 0.012  # of the diagonal: a surfel its own state sees past is a floater
 FREE_TOLERANCE = 0.015  # of the diagonal: above the depth error of four pixels out of five
+MARGIN = 0.05  # of the diagonal: around the object, and from a surfel that a point may land on
 MIN_VIEWS = 3  # votes needed to call a place free or occupied
 
 
@@ -66,12 +67,24 @@ class Study:
         """Matching distance in scene units."""
         return FINE_TAU * self.diag
 
+    @property
+    def taus(self) -> tuple[float, ...]:
+        """Matching distances of a refinement, decreasing."""
+        return 1.3 * self.tau, self.tau, 0.7 * self.tau
+
     def gaussian_labels(
         self, hard: NDArray[np.int64]
     ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         """Return per-state labels of the Gaussians from labels of all surfels."""
         n0 = len(self.surfels[0])
         return hard[:n0][self.nearest[0]], hard[n0:][self.nearest[1]]
+
+
+    def own(self, hard: NDArray[np.int64], part: int) -> tuple[Surfels, Surfels]:
+        """Return the surfels of both states that have a label, from labels of all surfels."""
+        n0 = len(self.surfels[0])
+        return (self.surfels[0].select(hard[:n0] == part),
+                self.surfels[1].select(hard[n0:] == part))
 
 
 def gather(scene: Scene, gaussians: tuple[Gaussians, Gaussians],
@@ -103,22 +116,8 @@ def gather(scene: Scene, gaussians: tuple[Gaussians, Gaussians],
     points = np.concatenate([s.points for s in surfels])
     lo, hi = points.min(0), points.max(0)
     diag = float(np.linalg.norm(hi - lo))
-    lands, moved = [], []
-    for s in (0, 1):
-        seen = observe(surfels[s].points, maps[1 - s], FREE_TOLERANCE * diag)
-        moved.append(surfels[s].select((seen.free >= MIN_VIEWS) & (seen.free > 2 * seen.surface)))
-        claimed = ((seen.surface >= MIN_VIEWS) & (seen.surface > 2 * seen.free)).astype(np.float64)
-        lands.append(
-            build_landing(
-                surfels[s],
-                claimed,
-                maps[s],
-                lo - 0.05 * diag,
-                hi + 0.05 * diag,
-                size * diag,
-                0.05 * diag,
-            )
-        )
+    box = lo - MARGIN * diag, hi + MARGIN * diag
+    targets = [_as_target(surfels[s], maps[s], maps[1 - s], box, size, diag) for s in (0, 1)]
     nearest = [
         np.asarray(cKDTree(surfels[s].points).query(gaussians[s].means)[1], np.int64)
         for s in (0, 1)
@@ -129,14 +128,24 @@ def gather(scene: Scene, gaussians: tuple[Gaussians, Gaussians],
         gaussians,
         maps,
         pair,
-        (lands[0], lands[1]),
-        Evidence(moved[0], moved[1]),
+        (targets[0][0], targets[1][0]),
+        Evidence(targets[0][1], targets[1][1]),
         build_graph(pair),
         (nearest[0], nearest[1]),
         (views[0], views[1]),
         (lo, hi),
         diag,
     )
+
+
+def _as_target(surfels: Surfels, maps: DepthMaps, other: DepthMaps, box: tuple[F64, F64],
+               size: float, diag: float) -> tuple[Landing, Surfels]:
+    """Return the landing grid of a state, and its surfels that the other state saw free."""
+    seen = observe(surfels.points, other, FREE_TOLERANCE * diag)
+    claimed = ((seen.surface >= MIN_VIEWS) & (seen.surface > 2 * seen.free)).astype(np.float64)
+    moved = surfels.select((seen.free >= MIN_VIEWS) & (seen.free > 2 * seen.surface))
+    land = build_landing(surfels, claimed, maps, *box, size * diag, MARGIN * diag)
+    return land, moved
 
 
 def _require_surface(*states: NDArray[np.floating]) -> None:
