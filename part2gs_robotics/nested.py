@@ -180,7 +180,7 @@ def _polished(judge: Judge, verdict: Verdict) -> Verdict:
 
 def _joint(judge: Judge, verdict: Verdict, k: int) -> Joint:
     study, h = judge.study, verdict.motions[k]
-    joint = choose_joint(h, judge.study.own(verdict.hard, k + 1), judge.lands, study.tau, study.diag,
+    joint = choose_joint(h, study.own(verdict.hard, k + 1), judge.lands, study.tau, study.diag,
                          judge.confidence(verdict, k))
     return replace(joint, carrier=h.carrier)
 
