@@ -127,7 +127,7 @@ def carve(solid: Solid, rival: Solid, rival_from_solid: F64, clearance: float,
         rival_from_solid: [P, 4, 4].
         clearance: gap to leave, voxels.
         support: how well each voxel of the solid and of the rival is observed; the solid then
-            yields only where the rival is observed better.
+            yields only where the rival is observed better, and nowhere at infinity.
     """
     none = np.zeros((0, 0, 0), np.float32)
     mine, theirs = support if support is not None else (none, none)
@@ -168,6 +168,8 @@ def _carve(values: F32, rival: F32, moves: F64, clearance: float, support: F32,
         for y in range(ny):
             for z in range(nz):
                 value = values[x, y, z]
+                if judged and support[x, y, z] == np.inf:
+                    continue
                 for p in range(len(moves)):
                     if value <= OUTSIDE:
                         break

@@ -16,6 +16,7 @@ from part2gs_robotics.fuse import TRUNCATION, Fused, Grid, fuse
 from part2gs_robotics.gaussians import Gaussians
 from part2gs_robotics.part_maps import PartMaps, render_part_maps
 from part2gs_robotics.part_solids import (
+    MIN_WEIGHT,
     base_solid,
     calm,
     cavity,
@@ -135,7 +136,10 @@ def build_solids(place: _Place, maps: list[PartMaps], grid: Grid,
         window = grid.window(lo - reach, hi + reach) if k else grid
         states = [(maps[0], eye), (maps[1], place.state1_from_0[k])]
         evidence.append(fuse(window, k, states, TRUNCATION * grid.voxel))
-        solids.append(moving_solid(evidence[k]) if k else keep_large(base_solid(evidence[k])))
+        solids.append(moving_solid(evidence[k]) if k
+                      else keep_large(base_solid(evidence[k]), evidence[k]))
+    solids = [_out_of_the_way(solids, evidence, k, place, clearance) if k else solids[0]
+              for k in range(place.count)]
     for k in range(1, place.count):
         solids[k] = mended(solids[k], _yield_to_base(solids, evidence, k, place), evidence[k])
         for j in range(1, k):
@@ -143,6 +147,22 @@ def build_solids(place: _Place, maps: list[PartMaps], grid: Grid,
         solids[k] = without_voids(keep_large(solids[k]))
     solids[0] = _carve_base(solids, evidence, place, clearance)
     return solids
+
+
+def _out_of_the_way(solids: list[Solid], evidence: list[Fused], part: int, place: _Place,
+                    clearance: float) -> Solid:
+    """Return a moving part without what nobody saw of it and seen surfaces of others pass through.
+
+    Real neighbours do not meet, so where one would, the inside that was filled in is not there.
+    """
+    solid = solids[part]
+    blind = np.where(evidence[part].own > MIN_WEIGHT, np.float32(np.inf), np.float32(0))
+    for other in set(range(1, place.count)) - {part}:
+        poses = sweep(other, part, place.joints, place.parents, solids[other].corners(),
+                      STEP * solid.grid.voxel)
+        proof = np.maximum(evidence[other].own - np.float32(MIN_WEIGHT), 0)
+        solid = carve(solid, solids[other], poses, clearance, (blind, proof))
+    return solid if solid is solids[part] else mended(solids[part], solid, evidence[part])
 
 
 def _yield_to_base(solids: list[Solid], evidence: list[Fused], part: int,
@@ -174,7 +194,7 @@ def _carve_base(solids: list[Solid], evidence: list[Fused], place: _Place,
         for k, poses in enumerate(sweeps, 1):
             base = carve(base, solids[k], poses, clearance)
         base = without_fins(base, evidence[0]) if last else calm(base, evidence[0])
-    return without_voids(keep_large(base))
+    return without_voids(keep_large(base, evidence[0]))
 
 
 def _yield_to(solid: Solid, rival: Solid, part: int, other: int, place: _Place,

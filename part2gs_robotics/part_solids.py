@@ -17,6 +17,7 @@ MIN_WEIGHT = 0.5  # half a view that faces the surface: less is an edge seen at 
 DEEP_SHARE = 0.9  # of the views that cannot see a point: inside a part nearly all end on that part
 HULL_SHARE = 0.1  # the same inside the part's convex hull, where neighbours hide a lot
 SMALLEST = 0.01  # share of the volume below which a separate piece is noise
+SMALLEST_SEEN = 0.002  # of what views saw: noise of rims is a tenth of that, a rail five times
 UNSEEN_SMOOTHING = 2.5  # voxels: wider than the streaks that single views' shadows leave
 FIN = 2  # voxels: half the thickness below which an unobserved sheet is a leftover, not a wall
 THIN = 1.0  # voxels of signed distance given to an observed surface too thin for the grid
@@ -113,8 +114,12 @@ def mended(before: Solid, after: Solid, fused: Fused) -> Solid:
     return replace(after, values=np.where(bitten, calm(after, fused).values, after.values))
 
 
-def keep_large(solid: Solid) -> Solid:
-    """Return the solid without separate pieces below a share of its volume."""
+def keep_large(solid: Solid, seen: Fused | None = None) -> Solid:
+    """Return the solid without separate pieces below a share of its volume.
+
+    Given evidence, a piece that is a share of what views saw of the part stays too: a rail between
+    two doors is thin, and its ends may be hidden.
+    """
     from scipy import ndimage
 
     pieces, count = ndimage.label(solid.values > 0)
@@ -123,6 +128,10 @@ def keep_large(solid: Solid) -> Solid:
     sizes = np.bincount(pieces.ravel())
     sizes[0] = 0
     keep = sizes >= min(SMALLEST * sizes.sum(), sizes.max())
+    if seen is not None:
+        shown = np.bincount(pieces[seen.own > 2 * MIN_WEIGHT], minlength=len(sizes))
+        shown[0] = 0
+        keep |= (shown > 0) & (shown >= SMALLEST_SEEN * shown.sum())
     keep[0] = True
     return replace(solid, values=np.where(keep[pieces], solid.values, np.float32(-TRUNCATION)))
 

@@ -15,6 +15,7 @@ from part2gs_robotics.decide import Judge
 from part2gs_robotics.joint_fit import move_of
 from part2gs_robotics.joints import Joint
 from part2gs_robotics.labelling import Graph, Unary, label, unary_costs
+from part2gs_robotics.passage import PASS_COST, passage_costs
 from part2gs_robotics.study import Study
 
 F64 = NDArray[np.float64]
@@ -45,10 +46,25 @@ def claim(judge: Judge, joints: list[Joint], hard: Labels) -> tuple[Labels, F64]
     surface = _surface(study)
     for _ in range(ROUNDS):
         costs = unary.cost(np.eye(len(moves))[hard])
-        far = _far(_proven(costs, hard, study.graph), surface, study.diag)
-        hard, _ = label(Unary(unary.match, unary.target, unary.miss, far), study.graph)
-    costs = unary.cost(np.eye(len(moves))[hard]) + far
+        proofs = _proofs(costs, hard)
+        extra = _far(_cores(proofs, study.graph), surface, study.diag)
+        extra += _passing(study, costs, proofs, joints)
+        hard, _ = label(Unary(unary.match, unary.target, unary.miss, extra), study.graph)
+    costs = unary.cost(np.eye(len(moves))[hard]) + extra
     return hard, costs
+
+
+def _passing(study: Study, costs: F64, proofs: NDArray[np.bool_], joints: list[Joint]) -> F64:
+    """Return [N, L] cost of passing through other parts, where that could change a label."""
+    least = np.partition(costs, 1, axis=1)
+    asked = np.flatnonzero(least[:, 1] - least[:, 0] < PASS_COST + FAR_COST)
+    points, normals = (np.concatenate([getattr(s, name) for s in study.surfels])
+                       for name in ("points", "normals"))
+    late = np.arange(len(points)) >= len(study.surfels[0])
+    out = np.zeros_like(costs)
+    out[asked] = passage_costs(points, normals, late, proofs, asked, joints, study.lands[0].voxel)
+    out[costs[:, 0] < PROVEN, 0] = 0.0  # seen in one place in both states: nothing passed there
+    return out
 
 
 def _surface(study: Study) -> csr_matrix:
@@ -64,16 +80,18 @@ def _surface(study: Study) -> csr_matrix:
     return one_way.maximum(one_way.T)
 
 
-def _proven(costs: F64, hard: Labels, graph: Graph) -> NDArray[np.bool_]:
-    """Return [N, L] which surfels only one label explains well, amid others of that label."""
+def _proofs(costs: F64, hard: Labels) -> NDArray[np.bool_]:
+    """Return [N, L] which surfels only one label explains well."""
     rows = np.arange(len(hard))
     own, others = costs[rows, hard], costs.copy()
     others[rows, hard] = np.inf
     proven = (own < PROVEN) & (own + MARGIN < others.min(1))
-    proofs = proven[:, None] & (hard[:, None] == np.arange(costs.shape[1]))
-    for k in range(costs.shape[1]):
-        proofs[:, k] = _core(proofs[:, k], graph)
-    return np.asarray(proofs)
+    return np.asarray(proven[:, None] & (hard[:, None] == np.arange(costs.shape[1])))
+
+
+def _cores(proofs: NDArray[np.bool_], graph: Graph) -> NDArray[np.bool_]:
+    """Return [N, L] the proofs amid others of their label."""
+    return np.stack([_core(own, graph) for own in proofs.T], 1)
 
 
 def _core(proofs: NDArray[np.bool_], graph: Graph) -> NDArray[np.bool_]:

@@ -1,14 +1,18 @@
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from part2gs_robotics.articulate import Motion
+from part2gs_robotics.carve import Solid
 from part2gs_robotics.config import MeshConfig
 from part2gs_robotics.errors import MeshError
+from part2gs_robotics.fuse import TRUNCATION, Fused, Grid
 from part2gs_robotics.gaussians import SH_C0, Gaussians
 from part2gs_robotics.joints import Joint
-from part2gs_robotics.meshing import build_parts
+from part2gs_robotics.meshing import _out_of_the_way, _Place, build_parts
+from part2gs_robotics.part_solids import keep_large
 from part2gs_robotics.scene import Scene, StateViews
 from part2gs_robotics.se3 import apply, inverse, screw_motion
 from part2gs_robotics.solids import defect, to_manifold
@@ -140,6 +144,51 @@ def test_a_part_without_volume_is_refused_with_its_name():
     still = Motion(motion.part_probs, (Joint("fixed", HINGE.axis, HINGE.origin, 0.0),), (0,))
     with pytest.raises(MeshError, match=r"part_1: its volume is 0.*Needed"):
         build_parts(scene, (inside[0], inside[1]), still, MeshConfig(resolution=32))
+
+
+def test_what_nobody_saw_is_not_in_a_neighbours_way():
+    """A drawer whose filled-in inside hangs into the way of the drawer below loses that."""
+    body = (np.array([-0.3, -0.25, -0.2]), np.array([-0.1, 0.25, 0.2]))
+    upper = (np.array([-0.1, -0.25, 0.0]), np.array([0.2, 0.25, 0.2]))
+    lower = (np.array([-0.1, -0.25, -0.2]), np.array([0.2, 0.25, 0.0]))
+    slides = [Joint("prismatic", np.array([1.0, 0, 0]), np.zeros(3), v) for v in (0.1, 0.2)]
+    _, gaussians, motion = two_states([body, upper, lower], slides)
+    place = _Place(gaussians, motion)
+    grid = Grid.around(np.full(3, -0.5), np.full(3, 0.6), 0.02)
+    solids = [box_solid(grid, *box) for box in (body, upper, lower)]
+    bulge = box_solid(grid, np.array([-0.1, -0.2, -0.1]), np.array([0.2, 0.2, 0.2]))
+    solids[1] = replace(solids[1], values=np.maximum(solids[1].values, bulge.values))
+    seen = [evidence_of(grid, box) for box in (body, upper, lower)]
+    free = _out_of_the_way(solids, seen, 1, place, 1.0)
+    below = grid.centers(np.stack(np.indices(grid.shape), -1))[..., 2] < -0.03
+    assert (solids[1].values[below] > 0).sum() > 500
+    assert not (free.values[below] > 0).any()
+    kept = (free.values > 0) & (grid.centers(np.stack(np.indices(grid.shape), -1))[..., 2] > 0.04)
+    assert kept.sum() > 0.95 * ((solids[1].values > 0) & (kept | ~below)).sum() * 0.15 / 0.2
+
+
+def evidence_of(grid, box) -> Fused:
+    """Return evidence of a box that is seen from all sides and nothing else."""
+    near = (np.abs(box_solid(grid, *box).values) < 2).astype(np.float32)
+    zero = np.zeros_like(near)
+    return Fused(grid, zero, near, near, zero, zero, zero)
+
+
+def box_solid(grid, lo, hi) -> Solid:
+    points = grid.centers(np.stack(np.indices(grid.shape), -1))
+    inside = np.minimum(points - lo, hi - points).min(-1) / grid.voxel
+    return Solid(grid, np.clip(inside, -TRUNCATION, TRUNCATION).astype(np.float32))
+
+
+def test_a_small_piece_that_was_seen_stays():
+    grid = Grid.around(np.zeros(3), np.full(3, 0.6), 0.01)
+    body = box_solid(grid, np.full(3, 0.05), np.full(3, 0.4))
+    rail = box_solid(grid, np.array([0.05, 0.5, 0.5]), np.array([0.4, 0.53, 0.53]))
+    both = Solid(grid, np.maximum(body.values, rail.values))
+    zero = np.zeros(grid.shape, np.float32)
+    seen = Fused(grid, zero, zero, 2.0 * (np.abs(rail.values) < 3), zero, zero, zero)
+    assert (keep_large(both).values > 0).sum() == (body.values > 0).sum()
+    np.testing.assert_array_equal(keep_large(both, seen).values, both.values)
 
 
 def test_two_parts_that_touch_are_parted():

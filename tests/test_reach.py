@@ -7,7 +7,17 @@ from types import SimpleNamespace
 import numpy as np
 
 from part2gs_robotics.labelling import FOREIGN_COST, NEUTRAL_COST, Graph
-from part2gs_robotics.reach import FAR_COST, LEAD, PROVEN, SHELLS, _far, _proven, _surface, claim
+from part2gs_robotics.reach import (
+    FAR_COST,
+    LEAD,
+    PROVEN,
+    SHELLS,
+    _cores,
+    _far,
+    _proofs,
+    _surface,
+    claim,
+)
 
 COUNT = 41  # surfels in a row, a unit apart
 
@@ -59,7 +69,7 @@ def test_proofs_are_clear_and_stand_amid_proofs() -> None:
     hard = (np.arange(COUNT) >= 20).astype(np.int64)
     costs[:20], costs[20:] = (0.0, 1.0), (1.0, PROVEN + 0.01)  # the right half is too dear
     costs[30] = 1.0, 0.0  # clear, but alone
-    proven = _proven(costs, hard, row_of_surfels().graph)
+    proven = _cores(_proofs(costs, hard), row_of_surfels().graph)
     assert proven[: 20 - SHELLS, 0].all()
     assert proven.sum() == 20 - SHELLS + 1  # the lone one is all its label has
 
@@ -68,7 +78,7 @@ def test_a_narrow_part_keeps_its_proofs() -> None:
     costs = np.tile([0.0, 1.0], (COUNT, 1))
     hard = np.zeros(COUNT, np.int64)
     hard[18:23], costs[18:23] = 1, (1.0, 0.0)
-    proven = _proven(costs, hard, row_of_surfels().graph)
+    proven = _cores(_proofs(costs, hard), row_of_surfels().graph)
     assert 0 < proven[:, 1].sum() <= 5
     assert proven[:18, 0].any()
 
