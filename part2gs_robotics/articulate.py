@@ -57,6 +57,28 @@ class Motion:
         return np.asarray(self.part_probs[state].argmax(1), np.int64)
 
 
+def without_part(motion: Motion, part: int, note: str) -> Motion:
+    """Return the motion without a part that carries none; what it had goes to its carrier.
+
+    Args:
+        motion: with the part.
+        part: 1..K.
+        note: why, worth reporting.
+    """
+    keep = [k for k in range(len(motion.joints)) if k != part - 1]
+    probs = []
+    for old in motion.part_probs:
+        new = np.delete(old, part, axis=1)
+        parent = motion.parents[part - 1]
+        new[:, parent - (parent > part)] += old[:, part]
+        probs.append(new)
+    return replace(
+        motion, part_probs=(probs[0], probs[1]), joints=tuple(motion.joints[k] for k in keep),
+        parents=tuple(p - (p > part) for p in (motion.parents[k] for k in keep)),
+        diagnostics=tuple(d for k, d in enumerate(motion.diagnostics) if k != part - 1),
+        notes=(*motion.notes, note))
+
+
 def articulate(
     scene: Scene,
     gaussians: tuple[Gaussians, Gaussians],

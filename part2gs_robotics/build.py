@@ -28,12 +28,12 @@ from part2gs_robotics.plan import Plan, make_plan
 from part2gs_robotics.readers import read_scene
 from part2gs_robotics.saved import (
     Fitted,
+    load_built,
     load_fit,
     load_motion,
-    load_parts,
+    save_built,
     save_fit,
     save_motion,
-    save_parts,
 )
 from part2gs_robotics.scene import Scene, StateViews
 from part2gs_robotics.scene_frame import frame_of, gaussians_in_scene, internal, parts_in_scene
@@ -121,7 +121,7 @@ class _Corridor:
         fits, keys = zip(*(self._fit(index) for index in (0, 1)), strict=True)
         gaussians = (fits[0][0], fits[1][0])
         motion, key = self._articulate(gaussians, keys)
-        parts = self._mesh(gaussians, motion, key)
+        motion, parts = self._mesh(gaussians, motion, key)
         plan = settle_plan(plan, gaussians, motion, parts, self.config.articulate.paper_mode)
         name = re.sub(r"[^a-z0-9_]+", "_", self.scene.path.resolve().name.lower()).strip("_")
         twin = Twin(name or "twin", parts, self.scene.meters_per_unit, self.scene.up,
@@ -187,17 +187,17 @@ class _Corridor:
         return f"Canonical field: {number}."
 
     def _mesh(self, gaussians: tuple[Gaussians, Gaussians], motion: Motion,
-              key: str) -> tuple[Part, ...]:
+              key: str) -> tuple[Motion, tuple[Part, ...]]:
         settings = self.config.mesh
         key = hash_of("mesh", asdict(settings), key)
 
-        def compute() -> tuple[Part, ...]:
-            from part2gs_robotics.meshing import build_parts
+        def compute() -> tuple[Motion, tuple[Part, ...]]:
+            from part2gs_robotics.real_parts import build_existing
 
-            return build_parts(self.scene, gaussians, motion, settings)
+            return build_existing(self.scene, gaussians, motion, settings)
 
-        return self._stage("04_mesh", key, compute, save_parts, load_parts,
-                           lambda p: f"{sum(len(part.mesh.faces) for part in p)} triangles")
+        return self._stage("04_mesh", key, compute, save_built, load_built,
+                           lambda b: f"{sum(len(part.mesh.faces) for part in b[1])} triangles")
 
     def _separate(self, twin: Twin) -> Twin:
         """Return the twin with neighbours' collision pieces apart along every joint."""

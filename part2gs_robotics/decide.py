@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -83,18 +83,17 @@ class Judge:
             )
         return self._columns[id(h)][1]
 
-    def coherent(self, motions: list[Hypothesis], hard: NDArray[np.int64]) -> bool:
-        """Return whether every motion carries its poorer state onto its richer one."""
-        n0 = len(self.study.surfels[0])
+    def met(self, motions: Sequence[Hypothesis], hard: NDArray[np.int64]) -> F64:
+        """Return [K] what share of its poorer state every motion carries onto its richer one."""
+        n0, shares = len(self.study.surfels[0]), np.zeros(len(motions))
         for k, h in enumerate(motions):
             own = np.flatnonzero(hard == k + 1)
             zero, one = own[own < n0], own[own >= n0]
             poorer = zero if len(zero) < len(one) else one
             target = self._column(h).target[poorer, 0]
-            met = (target >= 0) & (hard[np.maximum(target, 0)] == k + 1)
-            if len(poorer) < MIN_SURFELS or met.mean() < MIN_MET:
-                return False
-        return True
+            if len(poorer) >= MIN_SURFELS:
+                shares[k] = ((target >= 0) & (hard[np.maximum(target, 0)] == k + 1)).mean()
+        return shares
 
     def sort_out(self, motions: list[Hypothesis], rough: bool = False,
                  ) -> tuple[NDArray[np.int64], float]:
@@ -141,7 +140,15 @@ class Judge:
             self.study.views,
             self.study.source_weight,
         )
-        return Verdict(tuple(motions), hard, surfel_cost, image, self.coherent(motions, hard))
+        return Verdict(tuple(motions), hard, surfel_cost, image, bool((self.met(motions, hard) >= MIN_MET).all()))
+
+    def bodies(self, verdict: Verdict) -> Verdict:
+        """Return the verdict without motions that carry no body of their own, worst first."""
+        while not verdict.coherent:
+            worst = int(self.met(verdict.motions, verdict.hard).argmin())
+            rest = [h for k, h in enumerate(verdict.motions) if k != worst]
+            verdict = self.polished(self.judge(rest))
+        return verdict
 
     def price(self, grown: Verdict, left: float) -> float:
         """Return what one more part must save of the cost left: more if a part hardly moves."""
@@ -209,7 +216,9 @@ def decide(
             say("surfels or images speak against it" if gain >= price else "not worth it")
             break
         best, solid = grown, grown if grown.coherent else solid
-    if solid is not best:
+    if not best.coherent:
+        bodies = judge.bodies(best)
+        solid = min(solid, bodies, key=lambda v: v.cost)
         say(f"only {len(solid.motions)} of {len(best.motions)} parts are bodies of their own")
     return tune(judge, solid, say)
 

@@ -23,6 +23,19 @@ class MeshError(Part2GSError):
     """No watertight mesh can be made of a part."""
 
 
+class EmptyPartError(MeshError):
+    """A moving part has no surface or no volume: most likely there is no such part.
+
+    Attributes:
+        part: its index, 0 = base.
+    """
+
+    def __init__(self, message: str, part: int) -> None:
+        """Keep the index beside the message."""
+        super().__init__(message)
+        self.part = part
+
+
 class ExportError(Part2GSError):
     """The twin cannot be written."""
 

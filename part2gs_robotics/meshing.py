@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from part2gs_robotics.articulate import Motion
 from part2gs_robotics.carve import F64, Solid, carve, chain, sweep
 from part2gs_robotics.config import MeshConfig
-from part2gs_robotics.errors import MeshError
+from part2gs_robotics.errors import EmptyPartError
 from part2gs_robotics.evidence import observe
 from part2gs_robotics.fuse import TRUNCATION, Fused, Grid, fuse
 from part2gs_robotics.gaussians import Gaussians
@@ -83,17 +83,25 @@ def build_parts(scene: Scene, gaussians: tuple[Gaussians, Gaussians], motion: Mo
         Base first, in the world frame at state 0, with convex collision pieces.
 
     Raises:
-        MeshError: a part has no Gaussians, no volume, or no closed surface.
+        EmptyPartError: a part has no Gaussians or no volume.
+        MeshError: a part has no closed surface.
     """
     place = _Place(gaussians, motion)
     for k in range(place.count):
         if len(place.points[k]) == 0:
-            raise MeshError(f"{part_name(k)}: 0 Gaussians carry this part's identity. Needed some "
-                            "in either state; lower --parts, or give views that show the part.")
+            raise EmptyPartError(
+                f"{part_name(k)}: 0 Gaussians carry this part's identity. Needed some in either "
+                "state; lower --parts, or give views that show the part.", k)
     maps = [render_part_maps(gaussians[s], motion.part_probs[s], scene.states[s]) for s in (0, 1)]
     maps, place = _inside_masks(maps, place)
     grid = _grid(place, config.resolution)
     solids = build_solids(place, maps, grid, config.clearance_voxels)
+    for k, solid in enumerate(solids):
+        if not (solid.values > 0).any():
+            raise EmptyPartError(
+                f"{part_name(k)}: its volume is 0 on a grid of {max(solid.values.shape)} cells. "
+                "Needed surfaces of this part that some view sees; raise --resolution, give more "
+                "views, or lower --parts if the part does not exist.", k)
     surfaces = [closed_surface(s, part_name(k), config.clearance_voxels)
                 for k, s in enumerate(solids)]
     surfaces = _apart(surfaces, place, solids)

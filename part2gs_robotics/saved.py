@@ -50,6 +50,17 @@ def load_motion(saved: Saved) -> Motion:
                   tuple(data["diagnostics"]), tuple(data["notes"]), data["seconds"])
 
 
+def save_built(built: tuple[Motion, tuple[Part, ...]]) -> Saved:
+    """Return the motion whose parts were built, and the parts."""
+    motion, parts = save_motion(built[0]), save_parts(built[1])
+    return Saved(motion.arrays | parts.arrays, motion.data | parts.data)
+
+
+def load_built(saved: Saved) -> tuple[Motion, tuple[Part, ...]]:
+    """Undo `save_built`."""
+    return load_motion(saved), load_parts(saved)
+
+
 def save_parts(parts: tuple[Part, ...]) -> Saved:
     """Return meshes and convex pieces as arrays, everything else as plain data."""
     arrays: Arrays = {}

@@ -31,12 +31,8 @@ def closed_surface(solid: Solid, name: str, clearance: float) -> Manifold:
         clearance: voxels between parts; simplification may use half of it.
 
     Raises:
-        MeshError: nothing is inside, or no level gives a closed surface.
+        MeshError: no level gives a closed surface.
     """
-    if not (solid.values > 0).any():
-        raise MeshError(f"{name}: its volume is 0 on a grid of {max(solid.values.shape)} cells. "
-                        "Needed surfaces of this part that some view sees; raise --resolution, "
-                        "give more views, or lower --parts if the part does not exist.")
     reasons = []
     for level in LEVELS:
         surface = _simplify(_march(solid, level), solid.grid.voxel, clearance)

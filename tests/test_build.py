@@ -23,12 +23,12 @@ from part2gs_robotics.joints import Joint
 from part2gs_robotics.plan import make_plan
 from part2gs_robotics.readers import read_scene
 from part2gs_robotics.saved import (
+    load_built,
     load_fit,
     load_motion,
-    load_parts,
+    save_built,
     save_fit,
     save_motion,
-    save_parts,
 )
 from part2gs_robotics.store import Saved, read_stage, write_stage
 from part2gs_robotics.synth import toy_cabinet_twin
@@ -85,8 +85,8 @@ def test_motion_survives_the_store(tmp_path: Path) -> None:
 
 
 def test_parts_survive_the_store(tmp_path: Path) -> None:
-    parts = toy_cabinet_twin().parts
-    assert equal(load_parts(through_disk(save_parts(parts), tmp_path)), parts)
+    built = motion(2, ("a note",)), toy_cabinet_twin().parts
+    assert equal(load_built(through_disk(save_built(built), tmp_path)), built)
 
 
 def test_output_is_beside_the_scene_and_never_in_it(tmp_path: Path) -> None:

@@ -4,7 +4,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from part2gs_robotics.articulate import Motion
+from part2gs_robotics.articulate import Motion, without_part
 from part2gs_robotics.carve import Solid
 from part2gs_robotics.config import MeshConfig
 from part2gs_robotics.errors import MeshError
@@ -13,6 +13,7 @@ from part2gs_robotics.gaussians import SH_C0, Gaussians
 from part2gs_robotics.joints import Joint
 from part2gs_robotics.meshing import _out_of_the_way, _Place, build_parts
 from part2gs_robotics.part_solids import keep_large
+from part2gs_robotics.real_parts import build_existing
 from part2gs_robotics.scene import Scene, StateViews
 from part2gs_robotics.se3 import apply, inverse, screw_motion
 from part2gs_robotics.solids import defect, to_manifold
@@ -144,6 +145,39 @@ def test_a_part_without_volume_is_refused_with_its_name():
     still = Motion(motion.part_probs, (Joint("fixed", HINGE.axis, HINGE.origin, 0.0),), (0,))
     with pytest.raises(MeshError, match=r"part_1: its volume is 0.*Needed"):
         build_parts(scene, (inside[0], inside[1]), still, MeshConfig(resolution=32))
+
+
+def test_a_part_without_volume_is_left_out_with_a_note():
+    """Two Gaussians deep inside the chest are said to slide: the lid is all that is built."""
+    scene, gaussians, motion = two_states([CHEST, LID], [HINGE])
+    probs = []
+    for g, old in zip(gaussians, motion.part_probs, strict=True):
+        new = np.concatenate([np.zeros((len(g), 1), np.float32), old[:, [1]], old[:, [0]]], 1)
+        new[:, [0, 2]] = new[:, [2, 0]]  # columns: base, lid, nobody
+        g.means[:2], new[:2] = (0.0, 0.0, -0.02), (0.0, 0.0, 1.0)
+        probs.append(new)
+    slide = Joint("prismatic", HINGE.axis, HINGE.origin, 0.05)
+    false = Motion((probs[0], probs[1]), (*motion.joints, slide), (0, 0), notes=("before",))
+    left, parts = build_existing(scene, gaussians, false, MeshConfig(resolution=32))
+    assert [p.name for p in parts] == ["base", "part_1"]
+    assert left.joints == motion.joints
+    assert left.notes[0] == "before"
+    assert "part_2: its volume is 0" in left.notes[1]
+    assert left.part_probs[0].shape == (len(gaussians[0]), 2)
+    np.testing.assert_array_equal(left.part_probs[0][:2], [[1, 0], [1, 0]])
+
+
+def test_leaving_out_a_carried_part_renumbers_the_others():
+    probs = np.array([[0.1, 0.2, 0.3, 0.4]], np.float32)
+    joints = tuple(Joint("prismatic", HINGE.axis, HINGE.origin, v) for v in (0.1, 0.2, 0.3))
+    motion = Motion((probs, probs), joints, (0, 1, 1), tuple({"n": float(k)} for k in range(3)))
+    left = without_part(motion, 2, "why")
+    np.testing.assert_allclose(left.part_probs[0], [[0.1, 0.5, 0.4]])  # to its carrier, part 1
+    assert (left.joints, left.parents) == ((joints[0], joints[2]), (0, 1))
+    assert [d["n"] for d in left.diagnostics] == [0.0, 2.0]
+    base = without_part(Motion((probs, probs), joints, (0, 0, 2)), 1, "why")
+    np.testing.assert_allclose(base.part_probs[1], [[0.3, 0.3, 0.4]])
+    assert base.parents == (0, 1)
 
 
 def test_what_nobody_saw_is_not_in_a_neighbours_way():
