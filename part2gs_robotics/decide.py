@@ -140,7 +140,8 @@ class Judge:
             self.study.views,
             self.study.source_weight,
         )
-        return Verdict(tuple(motions), hard, surfel_cost, image, bool((self.met(motions, hard) >= MIN_MET).all()))
+        coherent = bool((self.met(motions, hard) >= MIN_MET).all())
+        return Verdict(tuple(motions), hard, surfel_cost, image, coherent)
 
     def bodies(self, verdict: Verdict) -> Verdict:
         """Return the verdict without motions that carry no body of their own, worst first."""

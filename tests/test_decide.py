@@ -11,6 +11,7 @@ import pytest
 from part2gs_robotics import se3
 from part2gs_robotics.decide import (
     INCOHERENT,
+    MIN_MET,
     MIN_SURFELS,
     PART_PRICE,
     PART_SHARE,
@@ -69,7 +70,7 @@ def test_no_wrong_motion_explains_surfels_as_well_as_the_true_one(world, request
     origin = seen.origin if turning else np.array([0.2, 0.3, 0.4])
     truth = Hypothesis(int(turning), seen.axis, origin, seen.value)
     hard, best = judge.sort_out([truth])
-    assert judge.coherent([truth], hard)
+    assert judge.met([truth], hard)[0] >= MIN_MET
     tilt = se3.rotation_from_rotvec(np.deg2rad(15) * Y) @ seen.axis
     others = [replace(truth, value=f * seen.value) for f in (-1.0, 0.7, 1.3)]
     others += [replace(truth, axis=tilt), replace(truth, kind=1 - truth.kind)]
@@ -108,18 +109,32 @@ def test_a_copy_does_not_pay_and_nobody_needs_it(judge, right, look_alikes):
 def test_a_part_carries_its_own_surfels_of_one_state_onto_those_of_the_other(judge, right):
     n0, motions = len(judge.study.surfels[0]), list(right.motions)
     one_way = np.where((np.arange(len(right.hard)) >= n0) & (right.hard == 1), 0, right.hard)
-    assert not judge.coherent(motions, one_way), "seen in one state alone"
+    assert judge.met(motions, one_way)[0] == 0.0, "seen in one state alone"
+    assert judge.met(motions, one_way)[1] >= MIN_MET
     crossed = right.hard.copy()
     crossed[n0:] = np.array([0, 2, 1])[right.hard[n0:]]
-    assert not judge.coherent(motions, crossed), "one block becomes the other"
+    assert (judge.met(motions, crossed) < MIN_MET).all(), "one block becomes the other"
     own = np.flatnonzero(right.hard[:n0] == 1)
     top = np.array([0.225, 0.21, 0.5])  # middle of the block's upper face, seen by every view
     own = own[np.linalg.norm(judge.study.surfels[0].points[own] - top, axis=1).argsort()]
     for count in (5, 60):
         few = right.hard.copy()
         few[own[count:]] = 0
-        assert judge.coherent(motions, few) == (count > MIN_SURFELS), "a floater is no part"
-    assert judge.coherent([], np.zeros_like(right.hard))
+        assert (judge.met(motions, few)[0] > 0.0) == (count > MIN_SURFELS), "a floater is no part"
+    assert judge.met([], np.zeros_like(right.hard)).shape == (0,)
+
+
+def test_a_motion_without_a_body_leaves_and_the_others_stay(judge, right):
+    """What stands still carries nothing that the base does not."""
+    crowd = judge.judge([right.motions[0], WRONG["still"], right.motions[1]])
+    hard = crowd.hard.copy()
+    hard[hard == 2] = 0  # nothing carries the label of the one that stands still
+    crowd = replace(crowd, hard=hard, coherent=False)
+    left = judge.bodies(crowd)
+    assert [h.value for h in left.motions] == pytest.approx([h.value for h in right.motions])
+    assert left.coherent
+    assert left.cost == pytest.approx(right.cost, abs=PART_PRICE)
+    assert judge.bodies(right) is right
 
 
 def test_an_incoherent_set_costs_more_than_the_same_set_coherent(judge, right):
