@@ -22,7 +22,7 @@ from part2gs_robotics.joints import Joint
 from part2gs_robotics.scene import Scene
 
 if TYPE_CHECKING:
-    from part2gs_robotics.decide import Judge, Verdict
+    from part2gs_robotics.judge import Judge, Verdict
     from part2gs_robotics.motion_search import Hypothesis
     from part2gs_robotics.study import Study
 
@@ -187,7 +187,7 @@ def settled_motion(
 ) -> Motion:
     """Return joints and part identities of the motions that were decided on: the second half."""
     from part2gs_robotics.align import judged
-    from part2gs_robotics.decide import Judge
+    from part2gs_robotics.judge import Judge
     from part2gs_robotics.nested import nest
     from part2gs_robotics.part_labels import labels_under, part_probs, start_labels
     from part2gs_robotics.part_tree import flat

@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 from part2gs_robotics import se3
 from part2gs_robotics.align import FINE, align
 from part2gs_robotics.config import ArticulateConfig
-from part2gs_robotics.decide import AGAINST, SLOW, Judge, Verdict
 from part2gs_robotics.joint_fit import choose_joint, hypothesis_of, move_of
 from part2gs_robotics.joints import Joint
+from part2gs_robotics.judge import AGAINST, SLOW, Judge, Verdict
 from part2gs_robotics.landing import land
 from part2gs_robotics.motion_refine import refine
 from part2gs_robotics.motion_search import Hypothesis, directions, search_patch

@@ -7,10 +7,10 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from part2gs_robotics.config import ArticulateConfig
-from part2gs_robotics.decide import MIN_SURFELS, Judge, Verdict
 from part2gs_robotics.identity import PAPER, refine_identities
 from part2gs_robotics.joint_fit import move_of
 from part2gs_robotics.joints import Joint
+from part2gs_robotics.judge import MIN_SURFELS, Judge, Verdict
 from part2gs_robotics.labelling import unary_costs
 from part2gs_robotics.reach import claim
 from part2gs_robotics.study import Study

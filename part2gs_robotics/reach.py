@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import dijkstra
 
-from part2gs_robotics.decide import Judge
 from part2gs_robotics.joint_fit import move_of
 from part2gs_robotics.joints import Joint
+from part2gs_robotics.judge import Judge
 from part2gs_robotics.labelling import Graph, Unary, label, unary_costs
 from part2gs_robotics.passage import PASS_COST, passage_costs
 from part2gs_robotics.study import Study

@@ -14,9 +14,10 @@ from numpy.typing import NDArray
 
 from part2gs_robotics.align import COARSE, FINE, LEAST_GAIN, Level, align, judged
 from part2gs_robotics.cross_render import both_cost
-from part2gs_robotics.decide import Judge, Verdict, tune
+from part2gs_robotics.decide import tune
 from part2gs_robotics.joint_fit import hypothesis_of, move_of
 from part2gs_robotics.joints import Joint
+from part2gs_robotics.judge import Judge, Verdict
 from part2gs_robotics.motion_search import Hypothesis
 from part2gs_robotics.reach import claim
 from part2gs_robotics.small_views import SmallViews

@@ -9,17 +9,18 @@ import numpy as np
 import pytest
 
 from part2gs_robotics import se3
-from part2gs_robotics.decide import (
+from part2gs_robotics.decide import WHOLE, _split, decide, tune
+from part2gs_robotics.judge import (
+    ALL_MET,
     INCOHERENT,
     MIN_MET,
     MIN_SURFELS,
+    NONE_MET,
     PART_PRICE,
     PART_SHARE,
     SLOW_SHARE,
     Judge,
     Verdict,
-    decide,
-    tune,
 )
 from part2gs_robotics.labelling import build_graph
 from part2gs_robotics.motion_search import Hypothesis
@@ -129,7 +130,7 @@ def test_a_motion_without_a_body_leaves_and_the_others_stay(judge, right):
     crowd = judge.judge([right.motions[0], WRONG["still"], right.motions[1]])
     hard = crowd.hard.copy()
     hard[hard == 2] = 0  # nothing carries the label of the one that stands still
-    crowd = replace(crowd, hard=hard, coherent=False)
+    crowd = replace(crowd, hard=hard, met=0.0)
     left = judge.bodies(crowd)
     assert [h.value for h in left.motions] == pytest.approx([h.value for h in right.motions])
     assert left.coherent
@@ -137,8 +138,15 @@ def test_a_motion_without_a_body_leaves_and_the_others_stay(judge, right):
     assert judge.bodies(right) is right
 
 
-def test_an_incoherent_set_costs_more_than_the_same_set_coherent(judge, right):
-    assert replace(right, coherent=False).cost == pytest.approx(right.cost + INCOHERENT)
+def test_a_torn_set_costs_more_the_less_of_it_meets_its_kind(right):
+    whole = right.surfel_cost + right.image_cost
+    shares = np.linspace(0.0, 1.0, 101)
+    more = np.array([replace(right, met=float(m)).cost for m in shares]) - whole
+    assert more[shares >= ALL_MET].max() == pytest.approx(0.0, abs=1e-12)
+    assert more[shares <= NONE_MET] == pytest.approx(INCOHERENT)
+    assert (np.diff(more) <= 1e-12).all()
+    assert [replace(right, met=m).coherent for m in (MIN_MET - 1e-9, MIN_MET)] == [False, True]
+    assert right.met > ALL_MET
 
 
 def test_the_best_of_sets_is_the_cheapest_in_any_order(judge, right, look_alikes):
@@ -165,6 +173,25 @@ def test_as_many_parts_are_found_as_pay(look_alikes):
     assert found.coherent
     assert said[0].startswith("nothing moves: cost")
     assert said[-1].startswith("tuned:")
+
+
+def test_one_slide_between_two_blocks_is_two(judge, right, look_alikes, monkeypatch):
+    """A set that stopped at a compromise is left for the two slides it lies between."""
+    compromise = judge.judge([WRONG["between"]])
+    assert compromise.met < WHOLE
+    pool = [WRONG["up"], *look_alikes.truth, WRONG["turn"]]
+    found = _split(judge, compromise, pool, silent)
+    assert sorted(h.value for h in found.motions) == pytest.approx([0.2, 0.3], abs=0.005)
+    assert _split(judge, compromise, [WRONG["up"], look_alikes.truth[0]], silent) is compromise
+    assert _split(judge, right, pool, silent) is right, "bodies are not split"
+    monkeypatch.setattr("part2gs_robotics.decide.WHOLE", 2.0)
+    assert _split(judge, right, pool, silent) is right, "not even when asked: it does not pay"
+
+
+def test_bodies_come_before_savings(right):
+    torn = replace(right, met=0.0, surfel_cost=0.99 * right.surfel_cost)
+    assert right.improves(torn)
+    assert not torn.improves(right)
 
 
 def test_one_part_by_order_is_one_part(look_alikes):

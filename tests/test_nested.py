@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from part2gs_robotics import se3
-from part2gs_robotics.decide import Judge
 from part2gs_robotics.identity import part_motions
 from part2gs_robotics.joint_fit import move_of
 from part2gs_robotics.joints import Joint
+from part2gs_robotics.judge import Judge
 from part2gs_robotics.motion_search import Hypothesis
 from part2gs_robotics.nested import _beside, aligned, chains
 from part2gs_robotics.part_tree import Tree, carried, flat, ordered

@@ -9,9 +9,9 @@ import pytest
 
 from part2gs_robotics.articulate import Clock, settled_motion
 from part2gs_robotics.config import ArticulateConfig
-from part2gs_robotics.decide import Judge
 from part2gs_robotics.identity import PAPER, IdentityConfig
 from part2gs_robotics.joints import Joint
+from part2gs_robotics.judge import Judge
 from part2gs_robotics.part_labels import labels_under, landing_costs, part_probs, start_labels
 
 pytestmark = pytest.mark.usefixtures("one_numba_thread", "one_torch_thread")

@@ -85,8 +85,8 @@ def test_a_narrow_part_keeps_its_proofs() -> None:
 
 def test_a_hidden_side_goes_with_the_part_it_hangs_on(slid) -> None:
     """A block slides; where both motions hide a surfel, its neighbours on the block decide."""
-    from part2gs_robotics.decide import Judge
     from part2gs_robotics.joints import Joint
+    from part2gs_robotics.judge import Judge
     from part2gs_robotics.labelling import build_graph
 
     pair = tuple(s.surfels for s in slid.states)

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from part2gs_robotics.cross_render import both_cost
-from part2gs_robotics.decide import Judge
 from part2gs_robotics.joint_fit import move_of
 from part2gs_robotics.joints import Joint
+from part2gs_robotics.judge import Judge
 from part2gs_robotics.motion_search import Hypothesis
 from part2gs_robotics.settle import VETO, settle
 from part2gs_robotics.small_views import small_views

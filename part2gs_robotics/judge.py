@@ -1,0 +1,195 @@
+"""Judge: what a set of motions leaves unexplained in surfels and in images of both states."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from part2gs_robotics import se3
+from part2gs_robotics.cross_render import both_cost
+from part2gs_robotics.labelling import Unary, label, unary_costs
+from part2gs_robotics.landing import unclaimed
+from part2gs_robotics.motion_refine import refine
+from part2gs_robotics.motion_search import Hypothesis
+from part2gs_robotics.study import Study
+
+F64 = NDArray[np.float64]
+PART_PRICE = 0.003  # of cost per object pixel plus cost per surfel: what one more part must save
+PART_SHARE = 0.015  # of the cost left: what noise saves grows with it
+SLOW = 0.05  # of the diagonal: bent depth looks like parts that move less (seen: 4.3 %)
+SLOW_SHARE = 0.027  # of the cost left, with such a part: the bend of a bin saved 2.0 to 2.3 %
+AGAINST = 0.01  # of a cost: less is noise of the labelling; a bin's false lid landed 1.8 % worse
+INCOHERENT = 0.05  # while parts are missing one motion must hide the others' surfels as well
+MIN_SURFELS = 25  # in either state: less is the size of a floater
+# Of the poorer state's surfels, as many meet their own kind under a motion that is surely right,
+# one that may be, and one that only hides them: two drawers under one slide met 0.22 to 0.4.
+ALL_MET, MIN_MET, NONE_MET = 0.5, 0.35, 0.25
+SORTED = 10  # sets per step, the best by a rough labelling, that are labelled to the end
+SHOWN = 5  # sets per step that are rendered
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """A set of motions with its labelling.
+
+    Attributes:
+        motions: K motions.  hard: [N0 + N1] surfel labels, 0 = static.
+        surfel_cost: labelling energy per surfel.
+        image_cost: cross-rendering cost per object pixel.
+        met: of the motion that does so least, the share of its own surfels of one state that it
+            carries onto those of the other.
+    """
+
+    motions: tuple[Hypothesis, ...]
+    hard: NDArray[np.int64]
+    surfel_cost: float
+    image_cost: float
+    met: float = 1.0
+
+    @property
+    def coherent(self) -> bool:
+        """Whether every motion carries a body of its own."""
+        return self.met >= MIN_MET
+
+    @property
+    def cost(self) -> float:
+        """Cost without the price of the parts; dearer with a part that is hardly one body."""
+        torn = (ALL_MET - self.met) / (ALL_MET - NONE_MET)
+        return self.surfel_cost + self.image_cost + INCOHERENT * min(max(torn, 0.0), 1.0)
+
+    def improves(self, other: Verdict) -> bool:
+        """Return whether this set costs less and neither surfels nor images speak against it.
+
+        A false part can show the photos what one state never saw, such as the inside of a lid, by
+        moving something else there; then surfels land worse. A true part helps both. Bodies come
+        before all that: a motion that is none can hide the surfels of two parts rather well.
+        """
+        if self.coherent != other.coherent:
+            return self.coherent and self.cost < other.cost
+        return (self.surfel_cost + self.image_cost < other.surfel_cost + other.image_cost
+                and self.surfel_cost < (1 + AGAINST) * other.surfel_cost
+                and self.image_cost < (1 + AGAINST) * other.image_cost)
+
+
+class Judge:
+    """Scores sets of motions; landing costs of a motion are computed once."""
+
+    def __init__(self, study: Study) -> None:
+        self.study = study
+        self.lands = unclaimed(study.lands[0]), unclaimed(study.lands[1])
+        self._columns: dict[int, tuple[Hypothesis, Unary]] = {}
+        self.static = unary_costs([np.eye(4)], study.surfels, self.lands, study.tau)
+
+    def _column(self, h: Hypothesis) -> Unary:
+        if id(h) not in self._columns:  # the hypothesis is kept beside, so its id stays its own
+            self._columns[id(h)] = (
+                h,
+                unary_costs([h.move], self.study.surfels, self.lands, self.study.tau),
+            )
+        return self._columns[id(h)][1]
+
+    def met(self, motions: Sequence[Hypothesis], hard: NDArray[np.int64]) -> F64:
+        """Return [K] what share of its poorer state every motion carries onto its richer one."""
+        n0, shares = len(self.study.surfels[0]), np.zeros(len(motions))
+        for k, h in enumerate(motions):
+            own = np.flatnonzero(hard == k + 1)
+            zero, one = own[own < n0], own[own >= n0]
+            poorer = zero if len(zero) < len(one) else one
+            target = self._column(h).target[poorer, 0]
+            if len(poorer) >= MIN_SURFELS:
+                shares[k] = ((target >= 0) & (hard[np.maximum(target, 0)] == k + 1)).mean()
+        return shares
+
+    def sort_out(self, motions: list[Hypothesis], rough: bool = False,
+                 ) -> tuple[NDArray[np.int64], float]:
+        """Return the labelling of the surfels under the motions and its cost per surfel."""
+        hard, energy = label(self._unary(motions), self.study.graph, rough)
+        return hard, energy / len(hard)
+
+    def costs(self, motions: list[Hypothesis], hard: NDArray[np.int64]) -> F64:
+        """Return [N0 + N1] what every surfel's landing costs under its label."""
+        cost = self._unary(motions).cost(np.eye(len(motions) + 1)[hard])
+        return np.asarray(cost[np.arange(len(hard)), hard])
+
+    def _unary(self, motions: list[Hypothesis]) -> Unary:
+        columns = [self.static, *(self._column(h) for h in motions)]
+        return Unary(
+            np.concatenate([c.match for c in columns], 1),
+            np.concatenate([c.target for c in columns], 1),
+            np.concatenate([c.miss for c in columns], 1),
+        )
+
+    def best_of(self, sets: list[list[Hypothesis]], above: Verdict | None = None) -> Verdict:
+        """Return the best of several sets; the images see only the best by surfels.
+
+        Args:
+            sets: of motions.
+            above: sets that improve this verdict come before those that do not.
+        """
+        rough = sorted(((self.sort_out(s, rough=True)[1], n) for n, s in enumerate(sets)))
+        ranked = sorted(((self.sort_out(sets[n]), sets[n]) for _, n in rough[:SORTED]),
+                        key=lambda pair: pair[0][1])
+        return min((self.judge(s, known) for known, s in ranked[:SHOWN]),
+                   key=lambda v: (above is not None and not v.improves(above), v.cost))
+
+    def judge(
+        self, motions: list[Hypothesis], known: tuple[NDArray[np.int64], float] | None = None
+    ) -> Verdict:
+        """Return the verdict on a set of motions; `known` is what `sort_out` said."""
+        hard, surfel_cost = known or self.sort_out(motions)
+        labels = self.study.gaussian_labels(hard)
+        image = both_cost(
+            self.study.gaussians,
+            labels,
+            [np.eye(4), *(h.move for h in motions)],
+            self.study.views,
+            self.study.source_weight,
+        )
+        met = float(self.met(motions, hard).min(initial=1.0))
+        return Verdict(tuple(motions), hard, surfel_cost, image, met)
+
+    def bodies(self, verdict: Verdict) -> Verdict:
+        """Return the verdict without motions that carry no body of their own, worst first."""
+        while not verdict.coherent:
+            worst = int(self.met(verdict.motions, verdict.hard).argmin())
+            rest = [h for k, h in enumerate(verdict.motions) if k != worst]
+            verdict = self.polished(self.judge(rest))
+        return verdict
+
+    def price(self, grown: Verdict, left: float) -> float:
+        """Return what one more part must save of the cost left: more if a part hardly moves."""
+        ways = [self.way(grown, k) for k in range(len(grown.motions))]
+        slow = min((w for w in ways if w is not None), default=0.0) < SLOW * self.study.diag
+        return max(PART_PRICE, (SLOW_SHARE if slow else PART_SHARE) * left)
+
+    def way(self, verdict: Verdict, k: int) -> float | None:
+        """Return how far motion k moves its surfels on average, scene units; None without any."""
+        points = np.concatenate([s.points for s in self.study.surfels])[verdict.hard == k + 1]
+        gaps = se3.apply(verdict.motions[k].move, points) - points
+        return float(np.linalg.norm(gaps, axis=1).mean()) if len(points) else None
+
+    def confidence(self, verdict: Verdict, k: int) -> float:
+        """Return the share of motion k's surfels that no other label explains as well."""
+        columns = [self.static, *(self._column(h) for h in verdict.motions)]
+        own = verdict.hard == k + 1
+        costs = np.stack([c.cost(np.ones((len(own), 1)))[own, 0] for c in columns], 1)
+        rest = np.delete(costs, k + 1, 1).min(1)
+        return (
+            float((costs[:, k + 1] < rest - 0.05).mean()) if own.any() else 0.0
+        )  # 0.05: a colour step
+
+    def polished(self, verdict: Verdict) -> Verdict:
+        """Return the verdict with motions refined on their own surfels where that helps."""
+        motions = list(verdict.motions)
+        best = verdict
+        for k, h in enumerate(verdict.motions):
+            own = self.study.own(best.hard, k + 1)
+            trial = [*motions]
+            trial[k] = refine(h, own, self.lands, self.study.taus, 4)
+            new = self.judge(trial)
+            if new.cost < best.cost:
+                best, motions = new, trial
+        return best
