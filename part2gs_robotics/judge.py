@@ -64,11 +64,11 @@ class Verdict:
         """Return whether this set costs less and neither surfels nor images speak against it.
 
         A false part can show the photos what one state never saw, such as the inside of a lid, by
-        moving something else there; then surfels land worse. A true part helps both. Bodies come
-        before all that: a motion that is none can hide the surfels of two parts rather well.
+        moving something else there; then surfels land worse. A true part helps both. Bodies need
+        only cost less than what is none: that can hide the surfels of two parts rather well.
         """
-        if self.coherent != other.coherent:
-            return self.coherent and self.cost < other.cost
+        if self.coherent and not other.coherent:
+            return self.cost < other.cost
         return (self.surfel_cost + self.image_cost < other.surfel_cost + other.image_cost
                 and self.surfel_cost < (1 + AGAINST) * other.surfel_cost
                 and self.image_cost < (1 + AGAINST) * other.image_cost)

@@ -188,10 +188,12 @@ def test_one_slide_between_two_blocks_is_two(judge, right, look_alikes, monkeypa
     assert _split(judge, right, pool, silent) is right, "not even when asked: it does not pay"
 
 
-def test_bodies_come_before_savings(right):
-    torn = replace(right, met=0.0, surfel_cost=0.99 * right.surfel_cost)
+def test_bodies_need_only_cost_less_than_what_is_none(right):
+    torn = replace(right, met=0.0, surfel_cost=0.95 * right.surfel_cost)
     assert right.improves(torn)
-    assert not torn.improves(right)
+    assert not right.improves(replace(torn, met=1.0)), "surfels speak against it"
+    assert not right.improves(replace(torn, surfel_cost=torn.surfel_cost - INCOHERENT))
+    assert torn.improves(replace(right, surfel_cost=right.surfel_cost + 0.1)), "on the way"
 
 
 def test_one_part_by_order_is_one_part(look_alikes):
