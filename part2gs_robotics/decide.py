@@ -39,18 +39,14 @@ def decide(
     best = solid = judge.judge([])
     say(f"nothing moves: cost {best.cost:.3f}")
     while pool and (parts is None or len(best.motions) < parts):
-        grown = judge.polished(judge.best_of([[*best.motions, h] for h in pool], best))
-        grown = _swap(judge, grown, pool, best) if swap and len(grown.motions) > 1 else grown
-        price = 0.0 if parts is not None else judge.price(grown, best.cost)
-        if price > best.cost - grown.cost > DOUBT * price and grown.coherent:
-            # A drawer with nearly its length saves part of what it will: judge it at its best.
-            grown = tune(judge, grown, say)
+        grown, price = _grown(judge, best, pool, parts is not None, swap, say)
         gain = best.cost - grown.cost
         say(f"{len(grown.motions)} parts: cost {grown.cost:.4f}, {gain:.4f} less; "
             f"price {price:.4f}")
         if parts is None and (gain < price or not grown.improves(best)):
             say("surfels or images speak against it" if gain >= price else "not worth it")
-            if parts is not None or (grown := _split(judge, best, pool, say)) is best:
+            grown = _split(judge, best, pool, say)
+            if grown is best:
                 break
             say(f"one slide was two: {len(grown.motions)} parts: cost {grown.cost:.4f}")
         best, solid = grown, grown if grown.coherent else solid
@@ -59,6 +55,18 @@ def decide(
         solid = min(solid, bodies, key=lambda v: v.cost)
         say(f"only {len(solid.motions)} of {len(best.motions)} parts are bodies of their own")
     return tune(judge, solid, say)
+
+
+def _grown(judge: Judge, best: Verdict, pool: list[Hypothesis], known: bool, swap: bool,
+           say: Callable[[str], None]) -> tuple[Verdict, float]:
+    """Return the verdict on the best set with one motion more, and what that must save."""
+    grown = judge.polished(judge.best_of([[*best.motions, h] for h in pool], best))
+    grown = _swap(judge, grown, pool, best) if swap and len(grown.motions) > 1 else grown
+    price = 0.0 if known else judge.price(grown, best.cost)
+    if price > best.cost - grown.cost > DOUBT * price and grown.coherent:
+        # A drawer with nearly its length saves part of what it will: judge it at its best.
+        grown = tune(judge, grown, say)
+    return grown, price
 
 
 def _swap(judge: Judge, verdict: Verdict, pool: list[Hypothesis], above: Verdict) -> Verdict:

@@ -47,7 +47,8 @@ def passage_costs(points: F64, normals: F64, late: Mask, proofs: Mask, asked: ND
     grid = _around(points, cell)
     placed = [_at_0(points, normals, late, move_of(joints[k - 1]) if k else np.eye(4))
               for k in labels]
-    layers = {k: _layer(*(a[proofs[:, k]] for a in placed[k]), grid) for k in labels if k}
+    layers = {k: _layer(placed[k][0][proofs[:, k]], placed[k][1][proofs[:, k]], grid)
+              for k in labels if k}
     corners = _corners(points)
     hits = np.zeros((len(asked), len(joints) + 1), bool)
     for k, other in permutations(labels, 2):
