@@ -58,11 +58,11 @@ def nest(judge: Judge, joints: list[Joint], hard: Labels, config: ArticulateConf
         config: number of moving parts, if known, and seed.
         views: images of both states, small and sharp.
     """
-    tree = flat(*settle(judge, joints, hard, *views))
+    tree = flat(*settle(judge, joints, hard, *views, config))
     if config.parts is None and len(joints) > 1:
         paying = _pruned(judge, tree)
         if len(paying.joints) < len(joints):
-            again = settle(judge, paying.joints, paying.hard, *views)
+            again = settle(judge, paying.joints, paying.hard, *views, config)
             tree = replace(paying, joints=again[0], hard=again[1])
     tree = chains(judge, tree, config.parts, np.random.default_rng(config.seed))
     return aligned(judge, tree, views[1]) if any(tree.parents) else tree

@@ -59,6 +59,22 @@ def labels_under(
     return np.concatenate([probs[s].argmax(1)[near[s]] for s in (0, 1)]), costs
 
 
+def identity_labels(
+    judge: Judge, joints: list[Joint], hard: Labels, config: ArticulateConfig
+) -> tuple[Labels, Labels]:
+    """Return per state [N_s] the most likely part of every Gaussian under the joints.
+
+    Args:
+        judge: of the study.
+        joints: of parts 1..K on the base.
+        hard: [N0 + N1] surfel labels to start from.
+        config: as of `labels_under`.
+    """
+    hard, costs = labels_under(judge, joints, hard, config)
+    zero, one = part_probs(judge.study, joints, costs, hard, config)
+    return np.asarray(zero.argmax(1), np.int64), np.asarray(one.argmax(1), np.int64)
+
+
 def landing_costs(judge: Judge, moves: list[F64]) -> F64:
     """Return [N0 + N1, K+1] how badly every motion lands every surfel; column 0 = static."""
     study = judge.study

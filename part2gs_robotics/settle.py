@@ -1,7 +1,8 @@
 """Settlement: joints and labels taken in turn until both fit the images.
 
-With one moving part a joint is only aligned. Look-alike neighbours need more: while they hold each
-other's surfels their joints stay wrong, so alignment, relabelling and tuning alternate.
+One moving part is labelled anew once its joint is nearly right. Look-alike neighbours need more:
+while they hold each other's surfels their joints stay wrong, so alignment, relabelling and tuning
+alternate.
 """
 
 from __future__ import annotations
@@ -13,12 +14,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from part2gs_robotics.align import COARSE, FINE, LEAST_GAIN, Level, align, judged
+from part2gs_robotics.config import ArticulateConfig
 from part2gs_robotics.cross_render import both_cost
 from part2gs_robotics.decide import tune
 from part2gs_robotics.joint_fit import hypothesis_of, move_of
 from part2gs_robotics.joints import Joint
 from part2gs_robotics.judge import Judge, Verdict
 from part2gs_robotics.motion_search import Hypothesis
+from part2gs_robotics.part_labels import identity_labels, labels_under
 from part2gs_robotics.reach import claim
 from part2gs_robotics.small_views import SmallViews
 
@@ -31,7 +34,8 @@ THIN = 2  # every other view until the last alignment
 
 
 def settle(
-    judge: Judge, joints: list[Joint], hard: Labels, views: Views, sharp: Views
+    judge: Judge, joints: list[Joint], hard: Labels, views: Views, sharp: Views,
+    config: ArticulateConfig,
 ) -> tuple[list[Joint], Labels]:
     """Return the joints and surfel labels [N0 + N1] that the images prefer.
 
@@ -41,9 +45,10 @@ def settle(
         hard: surfel labels, start.
         views: images of both states to settle with.
         sharp: the same at full size, for the last alignment.
+        config: whether Gaussians have part identities.
     """
     if len(joints) == 1:
-        return _aligned(judge, joints, hard, views, sharp), hard
+        return _alone(judge, joints, hard, views, sharp, config)
     thin = _thinned(views[0]), _thinned(views[1])
     new, verdict = _alternate(judge, joints, hard, thin, (*COARSE, *FINE[:1]))
     verdict = tune(judge, verdict, lambda text: logger.info("settle: %s", text))
@@ -52,19 +57,30 @@ def settle(
     costs = [_cost(judge, j, h, views) for j, h in ((joints, hard), (new, verdict.hard))]
     logger.info("settle: image cost %.4f after, %.4f before", costs[1], costs[0])
     if costs[1] < (1.0 + VETO) * costs[0]:
-        return _aligned(judge, new, verdict.hard, None, sharp), verdict.hard
-    return _aligned(judge, joints, hard, views, sharp), hard
+        return _aligned(judge, new, verdict.hard, sharp, config), verdict.hard
+    return _alone(judge, joints, hard, views, sharp, config)
 
 
-def _aligned(judge: Judge, joints: list[Joint], hard: Labels, views: Views | None, sharp: Views,
-             ) -> list[Joint]:
-    """Return the joints after their last alignment; coarse at first if views are given for it."""
+def _alone(judge: Judge, joints: list[Joint], hard: Labels, views: Views, sharp: Views,
+           config: ArticulateConfig) -> tuple[list[Joint], Labels]:
+    """Return the joints aligned, with the labels under them as they are once nearly right.
+
+    The decision's motion is off by degrees, and what lies beside the hinge is mislabelled by it.
+    """
     study = judge.study
     labels = study.gaussian_labels(hard)
-    end = joints
-    if views:
-        end = align(study.gaussians, labels, end, views, study.diag, COARSE, deviations=False)
-    end = align(study.gaussians, labels, end, sharp, study.diag, FINE, faces=study.faces)
+    near = align(study.gaussians, labels, joints, views, study.diag, COARSE, deviations=False)
+    near = judged(study.gaussians, labels, joints, near, views)
+    hard, _ = labels_under(judge, near, hard, config)
+    return _aligned(judge, near, hard, sharp, config), hard
+
+
+def _aligned(judge: Judge, joints: list[Joint], hard: Labels, sharp: Views,
+             config: ArticulateConfig) -> list[Joint]:
+    """Return joints that are nearly right after their last alignment."""
+    study = judge.study
+    labels = identity_labels(judge, joints, hard, config)
+    end = align(study.gaussians, labels, joints, sharp, study.diag, FINE, faces=study.faces)
     return judged(study.gaussians, labels, joints, end, sharp, LEAST_GAIN)
 
 
