@@ -17,6 +17,7 @@ import platform
 import subprocess
 import sys
 import tempfile
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -63,8 +64,9 @@ def main() -> int:
     return 0
 
 
-def run_kit(args: argparse.Namespace, work: Path) -> dict[str, object]:
-    """Run the kit's suite and return its results.json."""
+def run_kit(args: argparse.Namespace, work: Path,
+            extra: Sequence[str] = ()) -> dict[str, object]:
+    """Run the kit's suite, with `extra` flags, and return its results.json."""
     environment = os.environ | {"MUJOCO_GL": os.environ.get("MUJOCO_GL", "egl")}
     # The console script of this interpreter, wherever the shell would look.
     environment["PATH"] = f"{Path(sys.executable).parent}{os.pathsep}{environment['PATH']}"
@@ -72,7 +74,7 @@ def run_kit(args: argparse.Namespace, work: Path) -> dict[str, object]:
     command = [
         sys.executable, str(args.kit.resolve() / "suite.py"),
         "--objects", *args.objects, "--out", str(work.resolve()), "--cmd", args.cmd,
-        "--views", str(args.views), "--size", str(args.size), "--seed", str(args.seed),
+        "--views", str(args.views), "--size", str(args.size), "--seed", str(args.seed), *extra,
     ]  # fmt: skip
     # The kit's own table goes to stderr: ours alone is the output.
     subprocess.run(command, check=True, env=environment, stdout=2)
