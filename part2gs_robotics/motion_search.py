@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from part2gs_robotics import se3
-from part2gs_robotics.landing import Landing, score_moves
+from part2gs_robotics.landing import Landing, score_best, score_moves
 from part2gs_robotics.surfels import Surfels
 
 F64 = NDArray[np.float64]
@@ -146,7 +146,7 @@ def search_patch(
         out.append((float(costs[i]), Hypothesis(0, g.axis, patch.points.mean(0), flip * g.value)))
     for axis in axes:
         pivots, angles, moves = turn_moves(axis, *box, diag)
-        costs = score_moves(moves, patch, target, tau)
+        costs = score_best(moves, patch, target, tau)
         for i in np.argsort(costs)[:keep]:
             p, a = divmod(int(i), len(angles))
             out.append((float(costs[i]), Hypothesis(1, axis, pivots[p], flip * float(angles[a]))))

@@ -11,6 +11,7 @@ from part2gs_robotics.landing import (
     FREE_COST,
     HIDDEN_COST,
     land,
+    score_best,
     score_moves,
     unclaimed,
 )
@@ -42,6 +43,29 @@ def test_the_true_turn_costs_less_than_half_of_it_and_than_its_opposite(turned):
     assert truth < 0.12
     assert half > truth + 0.3
     assert opposite > truth + 0.15
+
+
+def test_promising_motions_are_scored_in_full_and_the_best_is_among_them(turned):
+    patch, target = on_block(turned), turned.states[1].land
+    rng = np.random.default_rng(0)
+    patch = patch.select(rng.permutation(len(patch))[:80])
+    values = turned.value * np.linspace(-1.0, 2.0, 3001)
+    moves = np.stack([se3.screw_motion(turned.axis, turned.origin, v, 0.0) for v in values])
+    full, some = score_moves(moves, patch, target, TAU), score_best(moves, patch, target, TAU)
+    scored = np.isfinite(some)
+    assert scored.sum() == len(moves) // 10
+    np.testing.assert_array_equal(some[scored], full[scored])
+    assert some.argmin() == full.argmin()
+    assert set(np.argsort(some)[:12]) == set(np.argsort(full)[:12])
+
+
+@pytest.mark.parametrize("count", [1, 5, 40])
+def test_short_lists_and_small_patches_are_scored_in_full(turned, count):
+    patch = on_block(turned).select(np.arange(count))
+    moves = np.stack([se3.make(np.eye(3), np.array([0.0, 0, d])) for d in np.linspace(0, 1, 7)])
+    target = turned.states[1].land
+    np.testing.assert_array_equal(score_best(moves, patch, target, TAU),
+                                  score_moves(moves, patch, target, TAU))
 
 
 def test_seen_free_space_costs_the_full_price_and_the_inside_the_neutral_one(slid):
