@@ -30,6 +30,7 @@ EDITOR = ROOT / "benchmarks/robustness_scene.py"
 HEAD = ("row", "value", "object", "moving parts found", "joint types right", "axis, deg",
         "position, % of diagonal", "turn, deg", "slide, units", "segmentation mIoU", "checks",
         "seconds")
+COLORS = ("blue", "orange", "green")  # of the figure
 SHOWN = (1, 2, 3, 4, 5, 6, 7, 9, 10)  # of the suite's cells: without watertight, memory, commit
 
 
@@ -140,6 +141,7 @@ def table(rows: list[dict[str, Any]]) -> str:
 def document(rows: list[dict[str, Any]]) -> str:
     """Return docs/robustness.md."""
     commits = ", ".join(dict.fromkeys(row["commit"] for row in rows))
+    names = dict.fromkeys(row["object"] for row in rows)
     return f"""# Robustness
 
 One thing at a time is changed in a scene of 64 + 64 clean views of 400 x 400 pixels; the command
@@ -147,7 +149,11 @@ and its settings stay. Made by `benchmarks/robustness.py` at commit {commits}, o
 without a GPU. What is not in the table was not run. Unit and place of a scene are tests
 (`tests/test_scene_frame.py`, `tests/test_optimiser_invariance.py`).
 
+Builds shared their cores with other work: seconds are upper bounds.
+
 ![Error of axis and segmentation over what was changed](robustness.png)
+
+Lines: {", ".join(f"{name} {color}" for name, color in zip(names, COLORS, strict=False))}.
 
 {table(rows)}
 - `masks wrong, 1 in 20`: every twentieth mask is shifted by 15 % of the image's width.
