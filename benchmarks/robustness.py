@@ -159,6 +159,7 @@ Lines: {", ".join(f"{name} {color}" for name, color in zip(names, COLORS, strict
 - `masks wrong, 1 in 20`: every twentieth mask is shifted by 15 % of the image's width.
 - `exposure of state 1`: colours times 1.3, clipped.
 - `shadows that move`: lights cast shadows, which move with the parts.
+- `views`: below 20 photos per state a build refuses to start (exit 2).
 - `pose noise`: every camera is turned by a random angle of this size.
 """
 
