@@ -16,12 +16,11 @@ import os
 import platform
 import sys
 from collections.abc import Iterator, Sequence
-from pathlib import Path
 from typing import Any
 
 from reconstruction_figure import draw
-from reconstruction_runs import OBJECTS, kept, run_once
-from reconstruction_suite import COMMAND, README, RESULTS, ROOT, git, insert
+from reconstruction_runs import OBJECTS, kept, run_once, words_of_kit
+from reconstruction_suite import README, RESULTS, ROOT, git, insert
 from reconstruction_table import markdown
 
 from part2gs_robotics.config import PRESETS, FitConfig
@@ -58,10 +57,7 @@ def main(words: Sequence[str] | None = None) -> int:
 
 def parser() -> argparse.ArgumentParser:
     """Return the command line, shared with plan_table.py."""
-    words = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    words.add_argument("--kit", type=Path, help="folder of the benchmark kit")
-    words.add_argument("--work", type=Path, default=WORK, help="folder for scenes, builds and rows")
-    words.add_argument("--objects", nargs="+", default=list(OBJECTS))
+    words = words_of_kit(__doc__, WORK, OBJECTS)
     words.add_argument("--presets", nargs="+", default=list(PRESETS))
     words.add_argument("--shares", nargs="+", type=float, default=list(SHARES),
                        help="shares of the preset's optimiser steps")
@@ -69,7 +65,6 @@ def parser() -> argparse.ArgumentParser:
     words.add_argument("--views", type=int, default=64)
     words.add_argument("--size", type=int, default=400)
     words.add_argument("--seed", type=int, default=0)
-    words.add_argument("--cmd", default=COMMAND, help="command with {scene} and {out}")
     words.add_argument("--quick", action="store_true", help="one object, draft, two shares")
     return words
 

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import json
 import shutil
-from argparse import Namespace
+from argparse import ArgumentParser, Namespace
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from reconstruction_suite import git, run_kit, summary_row
+from reconstruction_suite import COMMAND, git, run_kit, summary_row
 
 # What the kit counts as dev: two of them have published numbers.
 OBJECTS = (
@@ -18,6 +18,16 @@ OBJECTS = (
     "bigym_dishwasher",
 )  # fmt: skip
 CHAMFERS = {"cd_s": "static", "cd_w": "whole"}  # our name: the kit's
+
+
+def words_of_kit(doc: str | None, work: Path, objects: Sequence[str]) -> ArgumentParser:
+    """Return the command line that every benchmark with the kit has."""
+    words = ArgumentParser(description=(doc or "").splitlines()[0])
+    words.add_argument("--kit", type=Path, help="folder of the benchmark kit")
+    words.add_argument("--work", type=Path, default=work, help="folder for scenes, builds and rows")
+    words.add_argument("--objects", nargs="+", default=list(objects))
+    words.add_argument("--cmd", default=COMMAND, help="command with {scene} and {out}")
+    return words
 
 
 def run_once(args: Namespace, work: Path, name: str, flags: Sequence[str], *,

@@ -18,8 +18,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from reconstruction_runs import kept
-from reconstruction_suite import COMMAND, RESULTS, ROOT, cells, git, run_kit, summary_row
+from reconstruction_runs import kept, words_of_kit
+from reconstruction_suite import RESULTS, ROOT, cells, git, run_kit, summary_row
 from robustness_figure import draw
 
 OUT = RESULTS.parent / "robustness.json"
@@ -81,13 +81,9 @@ def main(words: Sequence[str] | None = None) -> int:
 
 def parser() -> argparse.ArgumentParser:
     """Return the command line."""
-    words = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    words.add_argument("--kit", type=Path, help="folder of the benchmark kit")
-    words.add_argument("--work", type=Path, default=WORK, help="folder for scenes, builds and rows")
-    words.add_argument("--objects", nargs="+", default=list(OBJECTS))
+    words = words_of_kit(__doc__, WORK, OBJECTS)
     words.add_argument("--rows", nargs="+", default=list(dict.fromkeys(c.row for c in CASES)),
                        help="which things to vary")
-    words.add_argument("--cmd", default=COMMAND, help="command with {scene} and {out}")
     return words
 
 

@@ -24,7 +24,7 @@ CLAIMED_COST = (
 TANGENT_SHARE = 0.25  # of the squared distance along the surface: sampling noise, not misfit
 NORMAL_LIMIT = 0.5  # cos 60 deg: the other side of a thin door, or another face
 FIRST_POINTS = 12  # of a patch: fewer cannot tell its face from another
-PROMISING = 0.1  # of the motions are scored with all points; the best 12 were within 0.02
+PROMISING = 0.1  # of the motions are scored with all points: nearly all of the best are in it
 FEWEST_LEFT = 100  # motions: short lists are scored in full
 COLOR_SCALE = 0.35  # light fixed in the world changes a turned face by up to about a third
 
