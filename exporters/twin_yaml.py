@@ -126,6 +126,8 @@ def _sigma(joint: Joint) -> Tree:
         "axis": _value(_known(joint.sigma_axis), "fitted", "rad; null = not estimated"),
         "origin": _value(_known(joint.sigma_origin), "fitted", "scene units; null = not estimated"),
         "value": _value(_known(joint.sigma_value), "fitted", "rad or units; null = not estimated"),
+        "rise": _value(_known(joint.sigma_rise), "fitted",
+                       "scene units, pitch times value of a screw; null = not estimated"),
     }
 
 

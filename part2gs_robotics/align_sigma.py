@@ -111,6 +111,7 @@ def with_sigma(joint: Joint, patches: tuple[Patches, Patches], weights: tuple[fl
         sigma_value=_observed(float(sigma[2])) * (1.0 if turning else diag),
         sigma_origin=_observed(float(np.hypot(sigma[3], sigma[4]))) * diag
         if turning else float("nan"),
+        sigma_rise=_observed(float(sigma[5])) * diag if joint.kind == "screw" else float("nan"),
     )
 
 

@@ -167,13 +167,28 @@ class _Corridor:
             from part2gs_robotics.articulate import articulate
 
             note = self._canonical(gaussians, settings.paper_mode)
-            found = articulate(self.scene, gaussians, settings, Progress("articulate"), search)
-            return replace(found, notes=(note, *found.notes))
+            scene, alike, exposed = self._matched(gaussians)
+            found = articulate(scene, alike, settings, Progress("articulate"), search)
+            return replace(found, notes=(note, *exposed, *found.notes))
 
         motion = self._stage("03_articulate", key, compute, save_motion, load_motion,
                              lambda m: f"{len(m.joints)} moving parts: "
                                        + ", ".join(joint.kind for joint in m.joints))
         return motion, key
+
+    def _matched(self, gaussians: tuple[Gaussians, Gaussians],
+                 ) -> tuple[Scene, tuple[Gaussians, Gaussians], tuple[str, ...]]:
+        """Return scene and Gaussians with both states equally bright, and a note if they were not.
+
+        Nothing is changed where cameras kept their exposure.
+        """
+        from part2gs_robotics.exposure import gain_between, matched, told
+
+        gain = gain_between(self.scene, gaussians)
+        note = told(gain)
+        if note:
+            logger.info("%s", note)
+        return *matched(self.scene, gaussians, gain), (note,) if note else ()
 
     def _canonical(self, gaussians: tuple[Gaussians, Gaussians], paper_mode: bool) -> str:
         """Return what the canonical room says about the states."""
@@ -194,7 +209,8 @@ class _Corridor:
         def compute() -> tuple[Motion, tuple[Part, ...]]:
             from part2gs_robotics.real_parts import build_existing
 
-            return build_existing(self.scene, gaussians, motion, settings)
+            scene, alike, _ = self._matched(gaussians)
+            return build_existing(scene, alike, motion, settings)
 
         return self._stage("04_mesh", key, compute, save_built, load_built,
                            lambda b: f"{sum(len(part.mesh.faces) for part in b[1])} triangles")

@@ -8,8 +8,10 @@ from itertools import combinations
 
 import numpy as np
 
+from part2gs_robotics.flips import righted
 from part2gs_robotics.judge import Judge, Verdict
 from part2gs_robotics.motion_search import Hypothesis
+from part2gs_robotics.screws import risen
 from part2gs_robotics.study import Study
 
 DOUBT = 0.5  # of the price: what saves this much is tuned before it is turned down
@@ -54,7 +56,7 @@ def decide(
         bodies = judge.bodies(best)
         solid = min(solid, bodies, key=lambda v: v.cost)
         say(f"only {len(solid.motions)} of {len(best.motions)} parts are bodies of their own")
-    return tune(judge, solid, say)
+    return risen(judge, righted(judge, tune(judge, solid, say), say), pool, say)
 
 
 def _grown(judge: Judge, best: Verdict, pool: list[Hypothesis], known: bool, swap: bool,

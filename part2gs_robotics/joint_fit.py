@@ -1,4 +1,4 @@
-"""Joint parameters, and the choice between slide and turn by model selection."""
+"""Joint parameters, and the choice between slide, turn and screw by model selection."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from part2gs_robotics import se3
-from part2gs_robotics.joints import Joint
+from part2gs_robotics.joints import Joint, JointKind
 from part2gs_robotics.landing import Landing, land
 from part2gs_robotics.motion_refine import matches, refine
 from part2gs_robotics.motion_search import Hypothesis
@@ -24,8 +24,9 @@ FAR_PRICE = 20.0  # twice a "very strong" BIC difference
 FAR_SHARE = 0.2
 SMALL_TURN = np.deg2rad(8.0)  # rad; bent depth makes a slide look like a turn of a few degrees
 DECIDED = 10.0  # a "very strong" BIC difference
-KINDS = ("prismatic", "revolute")
-PARAMETERS = {"prismatic": 3, "revolute": 5}
+KINDS: tuple[JointKind, ...] = ("prismatic", "revolute", "screw")  # by Hypothesis.kind
+PARAMETERS = {"prismatic": 3, "revolute": 5, "screw": 6}
+LEAST_RISE = 0.008  # of the diagonal: half the matching distance, above what depth bends on average
 
 
 def move_of(joint: Joint) -> F64:
@@ -36,19 +37,19 @@ def move_of(joint: Joint) -> F64:
 
 def hypothesis_of(joint: Joint) -> Hypothesis:
     """Return a joint's motion as the search knows it."""
-    return Hypothesis(int(joint.kind == "revolute"), joint.axis, joint.origin, joint.value,
-                      joint.carrier)
+    return Hypothesis(KINDS.index(joint.kind), joint.axis, joint.origin, joint.value,
+                      joint.carrier, joint.pitch)
 
 
 def parameters(joint: Joint) -> F64:
-    """Return zeros: two tilts, the value, and two offsets of a turning axis."""
-    return np.zeros(3 if joint.kind == "prismatic" else 5)
+    """Return zeros: two tilts, the value, two offsets of a turning axis, the rise of a screw."""
+    return np.zeros(PARAMETERS[joint.kind])
 
 
 def perturbed(joint: Joint, step: F64, diag: float) -> Joint:
     """Return the joint moved by a [P] step of `parameters`.
 
-    Tilts are rad, the value rad or diagonals, offsets diagonals.
+    Tilts are rad, the value rad or diagonals, offsets and rise (pitch times value) diagonals.
     """
     side = np.linalg.svd(joint.axis[None])[2][1:]
     axis = joint.axis + step[0] * side[0] + step[1] * side[1]
@@ -57,9 +58,10 @@ def perturbed(joint: Joint, step: F64, diag: float) -> Joint:
             joint, axis=axis / np.linalg.norm(axis), value=joint.value + float(step[2]) * diag
         )
     origin = joint.origin + diag * (step[3] * side[0] + step[4] * side[1])
-    return replace(
-        joint, axis=axis / np.linalg.norm(axis), origin=origin, value=joint.value + float(step[2])
-    )
+    value, pitch = joint.value + float(step[2]), 0.0
+    if joint.kind == "screw":
+        pitch = (joint.pitch * joint.value + diag * float(step[5])) / value
+    return replace(joint, axis=axis / np.linalg.norm(axis), origin=origin, value=value, pitch=pitch)
 
 
 def choose_joint(
@@ -74,16 +76,23 @@ def choose_joint(
 
     BIC with the noise measured in the scene; a hinge far from its part pays extra.
     """
-    fits = {name: _as_kind(h, kind, own, lands, tau) for kind, name in enumerate(KINDS)}
+    tried = KINDS if h.kind else KINDS[:2]  # a slide that the images preferred is no screw
+    fits = {name: _as_kind(h, kind, own, lands, tau) for kind, name in enumerate(tried)}
     sigma = min(_noise(f, own, lands, tau) for f in fits.values())
-    bic = {name: _bic(f, own, lands, tau, sigma, PARAMETERS[name]) for name, f in fits.items()}
-    bic[KINDS[h.kind]] -= DECIDED  # the images preferred this kind already
+    bic: dict[str, float] = {name: _bic(f, own, lands, tau, sigma, PARAMETERS[name])
+                             for name, f in fits.items()}
+    still = Hypothesis(0, h.axis, h.origin, 0.0, h.carrier)
+    bic["fixed"] = _bic(still, own, lands, tau, sigma, 0)  # told, not chosen: it moved
+    # The images preferred this kind already; a screw had one number more to please them.
+    bic["revolute" if h.kind else "prismatic"] -= DECIDED
     points = np.concatenate([own[0].points, se3.apply(se3.inverse(h.move), own[1].points)])
     turn = fits["revolute"]
     arm = np.linalg.norm(np.cross(points - turn.origin, turn.axis), axis=1).min()
-    bic["revolute"] += hinge_price(float(arm), turn.value, bic["prismatic"], diag)
-    kind = min(bic, key=lambda name: bic[name])
-    return _joint(fits[kind], points.mean(0), bic, confidence)
+    price = hinge_price(float(arm), turn.value, bic["prismatic"], diag)
+    bic |= {name: bic[name] + price for name in tried[1:]}
+    likely = [k for k in tried if k != "screw" or abs(rise_of(fits[k])) > LEAST_RISE * diag]
+    kind = min(likely, key=lambda name: bic[name])
+    return _joint(kind, fits[kind], points.mean(0), bic, confidence)
 
 
 def hinge_price(arm: float, angle: float, slide: float, diag: float) -> float:
@@ -99,12 +108,16 @@ def hinge_price(arm: float, angle: float, slide: float, diag: float) -> float:
     return far + (FAR_PRICE if abs(angle) < SMALL_TURN else 0.0)
 
 
-def _joint(h: Hypothesis, centre: F64, bic: dict[str, float], confidence: float) -> Joint:
+def rise_of(motion: Hypothesis | Joint) -> float:
+    """Return how far a screw slides along its axis between the states, scene units."""
+    return motion.pitch * motion.value
+
+
+def _joint(kind: JointKind, h: Hypothesis, centre: F64, bic: dict[str, float],
+           confidence: float) -> Joint:
     axis, value = (h.axis, h.value) if h.value >= 0 else (-h.axis, -h.value)
     origin = h.origin + axis * (axis @ (centre - h.origin)) if h.kind else centre
-    return Joint(
-        "revolute" if h.kind else "prismatic", axis, origin, value, bic=bic, confidence=confidence
-    )
+    return Joint(kind, axis, origin, value, h.pitch, bic=bic, confidence=confidence)
 
 
 def _as_kind(
@@ -117,6 +130,8 @@ def _as_kind(
     taus = (1.3 * tau, tau, 0.7 * tau)
     if h.kind == kind:  # refined already, and judged by the images
         return h
+    if h.kind and kind:  # turn and screw, one from the other
+        return refine(replace(h, kind=kind, pitch=0.0), own, lands, taus, 4)
     centre = np.concatenate([own[0].points, se3.apply(se3.inverse(h.move), own[1].points)]).mean(0)
     if kind == 0:
         way = se3.apply(h.own, centre) - centre

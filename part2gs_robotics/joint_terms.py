@@ -108,7 +108,8 @@ class Pull:
     """The weighted sum of the terms that are on, as a function of the joint."""
 
     def __init__(self, part: Part, joint: Joint, config: ArticulateConfig) -> None:
-        self.part, self.kind, self.paper = part, joint.kind, config.paper_mode
+        self.part, self.paper = part, config.paper_mode
+        self.slides, self.pitch = joint.kind == "prismatic", joint.pitch  # a screw's pitch is held
         self.terms = terms_on(config)
         self.zero, self.one = torch.from_numpy(part.zero), torch.from_numpy(part.one)
         self.tree = cKDTree(part.one)
@@ -132,7 +133,7 @@ class Pull:
         def carried(points: Tensor, shares: tuple[float, ...] = (1.0,)) -> Tensor:
             steps = torch.tensor(shares, dtype=torch.float64) * value
             still = torch.zeros_like(steps)
-            turns, slides = (steps, still) if self.kind == "revolute" else (still, steps)
+            turns, slides = (still, steps) if self.slides else (steps, self.pitch * steps)
             return losses.moved_points(points, axis, origin, turns, slides)
 
         frame = carried(torch.cat([torch.zeros(1, 3), torch.eye(3)]).double())[0]

@@ -23,8 +23,10 @@ class Joint:
         pitch: scene units per radian, screw only.
         sigma_axis: standard deviation of the axis direction, rad.
         sigma_origin: standard deviation of the axis position, scene units.
-        sigma_value: standard deviation of `value`. Of all three: NaN = not estimated,
+        sigma_value: standard deviation of `value`. Of all: NaN = not estimated,
             infinite = the photos do not show it; files hold null for both.
+        sigma_rise: standard deviation of how far a screw rises along its axis, pitch times value,
+            scene units.
         bic: criterion of every joint kind tried, lower is better.
         confidence: 0..1, share of the evidence this joint explains.
         carrier: [4, 4] motion between the states of the part that carries this one, where a joint
@@ -39,6 +41,7 @@ class Joint:
     sigma_axis: float = float("nan")
     sigma_origin: float = float("nan")
     sigma_value: float = float("nan")
+    sigma_rise: float = float("nan")
     bic: dict[str, float] = field(default_factory=dict)
     confidence: float = float("nan")
     carrier: NDArray[np.float64] | None = None

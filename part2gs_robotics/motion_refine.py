@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from part2gs_robotics import se3
 from part2gs_robotics.landing import Landing, land
-from part2gs_robotics.motion_search import Hypothesis
+from part2gs_robotics.motion_search import SCREW, Hypothesis
 from part2gs_robotics.surfels import Surfels
 
 F64 = NDArray[np.float64]
@@ -18,10 +18,11 @@ TANGENT_WEIGHT = 0.15  # flat faces say nothing sideways; colour edges and rims 
 
 
 def joint_move(kind: int, params: F64) -> F64:
-    """Return the [4, 4] motion of (axis 3 of any length, origin 3, value 1)."""
+    """Return the [4, 4] motion of (axis 3 of any length, origin 3, value 1, slide of a screw 1)."""
     axis = params[:3] / np.linalg.norm(params[:3])
     if kind:
-        return se3.screw_motion(axis, params[3:6], float(params[6]), 0.0)
+        slide = float(params[7]) if kind == SCREW else 0.0
+        return se3.screw_motion(axis, params[3:6], float(params[6]), slide)
     return se3.make(np.eye(3), axis * params[6])
 
 
@@ -41,7 +42,8 @@ def refine(
         taus: matching distances in scene units, decreasing.
         steps: Gauss-Newton steps per distance.
     """
-    params = np.concatenate([guess.axis, guess.origin, [guess.value]])
+    ends = [guess.value] if guess.kind != SCREW else [guess.value, guess.pitch * guess.value]
+    params = np.concatenate([guess.axis, guess.origin, ends])
     carrier = np.eye(4) if guess.carrier is None else guess.carrier
     for tau in taus:
         for _ in range(steps):
@@ -57,7 +59,9 @@ def refine(
 
 def _hypothesis(guess: Hypothesis, params: F64) -> Hypothesis:
     axis = params[:3] / np.linalg.norm(params[:3])
-    return replace(guess, axis=axis, origin=params[3:6].copy(), value=float(params[6]))
+    # A screw that does not turn is a slide, and has no pitch.
+    pitch = float(params[7] / params[6]) if guess.kind == SCREW and params[6] else 0.0
+    return replace(guess, axis=axis, origin=params[3:6].copy(), value=float(params[6]), pitch=pitch)
 
 
 def matches(
@@ -78,7 +82,9 @@ def matches(
 
 def _step(kind: int, params: F64, pairs: tuple[F64, F64, F64, F64], tau: float) -> F64:
     scale = float(np.ptp(pairs[0], axis=0).max()) + 1e-12
+    count = len(params)
     step = np.array([1e-4] * 3 + [1e-4 * scale] * 3 + [1e-4 if kind else 1e-4 * scale])
+    step = np.concatenate([step, np.full(count - 7, 1e-4 * scale)])
 
     def residuals(p: F64) -> F64:
         move = joint_move(kind, p)
@@ -87,19 +93,19 @@ def _step(kind: int, params: F64, pairs: tuple[F64, F64, F64, F64], tau: float) 
         return np.concatenate([plane, TANGENT_WEIGHT * (gap - plane[:, None] * pairs[3]).ravel()])
 
     base = residuals(params)
-    count = len(pairs[0])
-    gap2 = base[:count] ** 2 + (base[count:].reshape(-1, 3) ** 2).sum(1)
+    matched = len(pairs[0])
+    gap2 = base[:matched] ** 2 + (base[matched:].reshape(-1, 3) ** 2).sum(1)
     weight = (
         1.0 / (1.0 + gap2 / (0.25 * tau * tau))
     ) ** 2  # Geman-McClure, half the matching distance
     weights = np.concatenate([weight, np.repeat(weight, 3)])
     jac = np.stack(
-        [(residuals(params + np.eye(7)[i] * step[i]) - base) / step[i] for i in range(7)], 1
+        [(residuals(params + np.eye(count)[i] * step[i]) - base) / step[i] for i in range(count)], 1
     )
     scaled = jac * step / 1e-4
     normal = scaled.T @ (scaled * weights[:, None])
     # Gauge directions (axis length, origin along the axis) and unseen ones are held by the damping.
-    normal += np.eye(7) * 1e-4 * np.trace(normal) / 7
+    normal += np.eye(count) * 1e-4 * np.trace(normal) / count
     delta = -np.linalg.solve(normal, scaled.T @ (weights * base)) * step / 1e-4
     return _normalised(params + delta, pairs[0].mean(0))
 

@@ -20,6 +20,7 @@ SLIDE_STEP = 0.01  # of the diagonal: half the search tolerance
 TURN_STEP = np.deg2rad(5.0)  # a patch at half a diagonal moves 4 % of the diagonal
 PIVOT_STEP = 0.04  # of the diagonal
 MAX_SLIDE = 0.6  # of the diagonal: longer than any drawer of the object itself
+SCREW = 2  # kind of a hypothesis; grown from turns, never searched
 MAX_TURN = np.deg2rad(180.0)
 
 
@@ -28,9 +29,10 @@ class Hypothesis:
     """A one-degree-of-freedom motion, world_at_1_from_world_at_0.
 
     Attributes:
-        kind: 1 = revolute, 0 = prismatic.
+        kind: 0 = prismatic, 1 = revolute, 2 = screw.
         axis: [3] unit.  origin: [3].  value: rad or scene units.
         carrier: [4, 4] motion of the part that carries this one, None = the base.
+        pitch: scene units per rad, screw only.
     """
 
     kind: int
@@ -38,6 +40,7 @@ class Hypothesis:
     origin: F64
     value: float
     carrier: F64 | None = None
+    pitch: float = 0.0
 
     @property
     def move(self) -> F64:
@@ -48,7 +51,7 @@ class Hypothesis:
     def own(self) -> F64:
         """[4, 4] motion beside the carrier, in the world at state 0."""
         if self.kind:
-            return se3.screw_motion(self.axis, self.origin, self.value, 0.0)
+            return se3.screw_motion(self.axis, self.origin, self.value, self.pitch * self.value)
         return se3.make(np.eye(3), self.axis * self.value)
 
 

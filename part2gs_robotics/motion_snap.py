@@ -6,6 +6,8 @@ together explain most are tried as well.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -38,9 +40,7 @@ def snapped(found: list[Hypothesis], study: Study, rng: np.random.Generator) -> 
         for axis in axes:
             cosine = float(axis @ h.axis)
             if np.cos(limit) < abs(cosine) < 1 - 1e-7:
-                out.append(
-                    Hypothesis(h.kind, axis * np.sign(cosine), h.origin, h.value * abs(cosine))
-                )
+                out.append(replace(h, axis=axis * np.sign(cosine), value=h.value * abs(cosine)))
     return out
 
 

@@ -16,12 +16,13 @@ from numpy.typing import NDArray
 from part2gs_robotics import se3
 from part2gs_robotics.align import FINE, align
 from part2gs_robotics.config import ArticulateConfig
+from part2gs_robotics.flips import NEAR, arm_of, righted
 from part2gs_robotics.joint_fit import choose_joint, hypothesis_of, move_of
 from part2gs_robotics.joints import Joint
 from part2gs_robotics.judge import AGAINST, SLOW, Judge, Verdict
 from part2gs_robotics.landing import land
 from part2gs_robotics.motion_refine import refine
-from part2gs_robotics.motion_search import Hypothesis, directions, search_patch
+from part2gs_robotics.motion_search import SCREW, Hypothesis, directions, search_patch
 from part2gs_robotics.motion_select import PATCH_POINTS, PATCH_RADIUS, SEARCH_TAU, farthest, spread
 from part2gs_robotics.part_tree import Tree, carried, flat, ordered
 from part2gs_robotics.reach import claim
@@ -40,7 +41,6 @@ GUESSES = 6  # motions of each patch that are refined
 TRIED = 8  # refined motions, those that land most of what is left, that are judged
 LEAST_TURN = np.deg2rad(3.0)  # beside the carrier: less is the carrier's own error
 LEAST_SLIDE = 0.02  # of the diagonal, likewise
-NEAR = 0.05  # of the diagonal: a hinge goes through its part or lies beside it
 FAR_PRICE = 0.02  # of the cost left: for a hinge line FAR away from its part; see `_apart`
 FAR = 0.3  # of the diagonal
 LOOSE = 0.02  # rad: five times the loosest true part of eleven scenes; false ones: 0.034, none
@@ -64,6 +64,7 @@ def nest(judge: Judge, joints: list[Joint], hard: Labels, config: ArticulateConf
     if config.parts is None and len(joints) > 1:
         paying = _held(judge, _pruned(judge, tree))
         if len(paying.joints) < len(joints):
+            paying = _righted(judge, paying)
             again = settle(judge, paying.joints, paying.hard, *views, config)
             tree = replace(paying, joints=again[0], hard=again[1])
     tree = chains(judge, tree, config.parts, np.random.default_rng(config.seed))
@@ -129,6 +130,18 @@ def _held(judge: Judge, tree: Tree) -> Tree:
     hard = judge.judge([hypothesis_of(j) for j in joints]).hard
     return Tree(joints, tuple(int(number[tree.parents[k]]) for k in keep), hard,
                 tuple(tree.known[k] for k in keep))
+
+
+def _righted(judge: Judge, tree: Tree) -> Tree:
+    """Return a flat tree with every turn the way round that fits now that parts have left.
+
+    A part that left had part of the surface: what stayed may be the motion that fitted the rest.
+    """
+    old = judge.judge([hypothesis_of(j) for j in tree.joints])
+    new = righted(judge, old, lambda text: logger.info("nested: %s", text))
+    joints = [j if a is b else _joint(judge, new, k) for k, (j, a, b)
+              in enumerate(zip(tree.joints, old.motions, new.motions, strict=True))]
+    return replace(tree, joints=joints, hard=tree.hard if new is old else new.hard)
 
 
 def aligned(judge: Judge, tree: Tree, views: Views) -> Tree:
@@ -236,8 +249,10 @@ def _rehung(judge: Judge, tree: Tree) -> Tree:
             cost = trial.cost * (1 + _apart(judge, trial, k))
             logger.info("nested: part %d on part %d: %.4f, was %.4f", k + 1, p + 1, cost, score)
             # The base is likelier than a carrier by as much as no part is than one more: two slides
-            # along one line, or turns about one, explain the same either way.
-            if trial.coherent and cost < score - judge.price(trial, score):
+            # along one line, or turns about one, explain the same either way. A screw, which both
+            # together are as well, is rarer than a part on a part.
+            price = judge.price(trial, score) * (-1 if best.motions[k].kind == SCREW else 1)
+            if trial.coherent and cost < score - price:
                 best, parent, score = trial, p + 1, cost
         if parent:
             joints = list(tree.joints)
@@ -274,8 +289,7 @@ def _beside(h: Hypothesis, carrier: F64, own: tuple[Surfels, Surfels]) -> Hypoth
 def _apart(judge: Judge, verdict: Verdict, k: int) -> float:
     """Return what a hinge line away from its part adds to the cost, as a share of it."""
     h, own = verdict.motions[k], judge.study.own(verdict.hard, k + 1)
-    points = np.concatenate([own[0].points, se3.apply(se3.inverse(h.move), own[1].points)])
-    if not h.kind or not len(points):
+    arm = arm_of(h, own)
+    if not h.kind or not np.isfinite(arm):
         return 0.0
-    arm = float(np.linalg.norm(np.cross(points - h.origin, h.axis), axis=1).min())
     return FAR_PRICE * min(max(arm / judge.study.diag - NEAR, 0.0) / (FAR - NEAR), 1.0)

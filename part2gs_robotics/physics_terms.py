@@ -70,7 +70,7 @@ def _one_thread() -> Iterator[None]:
 def _descend(part: Part, joint: Joint, number: int, config: ArticulateConfig) -> Joint:
     if min(len(part.zero), len(part.one)) < FEWEST:
         return joint
-    scale = 1.0 if joint.kind == "revolute" else part.diag
+    scale = part.diag if joint.kind == "prismatic" else 1.0
     numbers = np.concatenate([joint.axis, joint.origin / part.diag, [joint.value / scale]])
     require_finite({"joint": numbers}, f"part {number}", 1)
     pull = Pull(part, joint, config)
@@ -103,7 +103,7 @@ def _adam(first: F64, second: F64, gradient: F64, step: int) -> F64:
 
 def _joint_of(joint: Joint, numbers: F64, scale: float, diag: float) -> Joint:
     axis = numbers[:3] / np.linalg.norm(numbers[:3])
-    origin = numbers[3:6] * diag if joint.kind == "revolute" else joint.origin
+    origin = joint.origin if joint.kind == "prismatic" else numbers[3:6] * diag
     return replace(joint, axis=axis, origin=origin, value=float(numbers[6]) * scale)
 
 

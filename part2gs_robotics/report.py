@@ -103,6 +103,7 @@ def _joint_entry(part: Part) -> dict[str, object]:
         "sigma_axis_rad": _plain(joint.sigma_axis),
         "sigma_origin": _plain(joint.sigma_origin),
         "sigma_value": _plain(joint.sigma_value),
+        "sigma_rise": _plain(joint.sigma_rise),
         "confidence": _plain(joint.confidence),
         "bic": _plain(joint.bic),
     }

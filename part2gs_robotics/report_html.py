@@ -7,6 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from html import escape
 
 from part2gs_robotics import __version__
+from part2gs_robotics.joints import Joint
 from part2gs_robotics.report_data import CheckRow, ReportData, check_notes, check_rows
 from part2gs_robotics.report_figures import bars_html, curve_svg, png_uri
 from part2gs_robotics.report_style import STYLE
@@ -102,10 +103,17 @@ def _joint_row(part: Part) -> list[str]:
         escape(joint.kind),
         f"{axis}{_sigma(joint.sigma_axis * 180 / math.pi, '°')}",
         origin + (_sigma(joint.sigma_origin, " units") if turning else ""),
-        f"{joint.value * factor:.4g}{unit}{_sigma(joint.sigma_value * factor, unit)}",
+        f"{joint.value * factor:.4g}{unit}{_sigma(joint.sigma_value * factor, unit)}{_rise(joint)}",
         f"{low:.4g} … {high:.4g}{unit} ({escape(part.limits_source)})",
         "—" if math.isnan(joint.confidence) else f"{joint.confidence:.2f}",
     ]
+
+
+def _rise(joint: Joint) -> str:
+    if joint.kind != "screw":
+        return ""
+    rise = joint.pitch * joint.value
+    return f", rising {rise:.4g} units{_sigma(joint.sigma_rise, ' units')}"
 
 
 def _sigma(value: float, unit: str) -> str:

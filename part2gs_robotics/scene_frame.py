@@ -134,7 +134,8 @@ def joint_in_scene(joint: Joint, frame: SceneFrame) -> Joint:
     slide = frame.unit if joint.kind == "prismatic" else 1.0
     return replace(joint, origin=frame.points(joint.origin), value=joint.value * slide,
                    pitch=joint.pitch * frame.unit, sigma_origin=joint.sigma_origin * frame.unit,
-                   sigma_value=joint.sigma_value * slide)
+                   sigma_value=joint.sigma_value * slide,
+                   sigma_rise=joint.sigma_rise * frame.unit)
 
 
 def parts_in_scene(parts: tuple[Part, ...], frame: SceneFrame, paper: bool) -> tuple[Part, ...]:

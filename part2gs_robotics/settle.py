@@ -23,6 +23,7 @@ from part2gs_robotics.judge import Judge, Verdict
 from part2gs_robotics.motion_search import Hypothesis
 from part2gs_robotics.part_labels import identity_labels, labels_under
 from part2gs_robotics.reach import claim
+from part2gs_robotics.screws import plain
 from part2gs_robotics.small_views import SmallViews
 
 logger = logging.getLogger(__name__)
@@ -81,6 +82,10 @@ def _aligned(judge: Judge, joints: list[Joint], hard: Labels, sharp: Views,
     study = judge.study
     labels = identity_labels(judge, joints, hard, config)
     end = align(study.gaussians, labels, joints, sharp, study.diag, FINE, faces=study.faces)
+    turns = plain(end, study.diag)
+    if any(new is not old for new, old in zip(turns, end, strict=True)):
+        logger.info("settle: a screw's rise is not proven by the images: a turn")
+        end = align(study.gaussians, labels, turns, sharp, study.diag, FINE, faces=study.faces)
     return judged(study.gaussians, labels, joints, end, sharp, LEAST_GAIN)
 
 
@@ -107,7 +112,8 @@ def _cost(judge: Judge, joints: list[Joint], hard: Labels, views: Views) -> floa
 def _follow(joint: Joint, motion: Hypothesis) -> Joint:
     """Return the joint with the motion's axis, origin and value."""
     origin = motion.origin if motion.kind else joint.origin
-    return replace(joint, axis=motion.axis, origin=origin, value=motion.value)
+    return replace(joint, axis=motion.axis, origin=origin, value=motion.value,
+                   pitch=motion.pitch)
 
 
 def _thinned(views: SmallViews) -> SmallViews:

@@ -250,6 +250,18 @@ def turned(toy):
 
 
 @pytest.fixture(scope="session")
+def screwed(toy):
+    """A block on a base, turned by 0.9 rad about a vertical line and risen by 0.12."""
+    from part2gs_robotics.se3 import screw_motion
+
+    base, block = Box((0, 0, 0), (0.8, 0.6, 0.25), 1), Box((0.15, 0.1, 0.25), (0.6, 0.4, 0.5), 2)
+    axis, origin, value, rise = np.array([0.0, 0, 1]), np.array([0.4, 0.3, 0.3]), 0.9, 0.12
+    moved = Box(block.lo, block.hi, 2, screw_motion(axis, origin, value, rise))
+    return SimpleNamespace(axis=axis, origin=origin, value=value, pitch=rise / value, block=block,
+                           states=(seen_surface([base, block]), seen_surface([base, moved])))
+
+
+@pytest.fixture(scope="session")
 def look_alikes(toy):
     """Two equal blocks on a base, slid along x by 0.3 and 0.2: a study, the truth, the photos."""
     from part2gs_robotics.motion_search import Hypothesis

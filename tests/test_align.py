@@ -17,10 +17,11 @@ SIDE, VIEWS, DIAG = 128, 10, 1.2
 TRUTH = {
     "revolute": Joint("revolute", np.array([0.0, 0, -1]), np.array([0.0, -0.05, 0.3]), 0.8),
     "prismatic": Joint("prismatic", np.array([0.0, -1, 0]), np.array([0.4, 0.0, 0.3]), 0.3),
+    "screw": Joint("screw", np.array([0.0, 0, -1]), np.array([0.0, -0.05, 0.3]), 0.8, 0.1),
 }
 
 
-@pytest.fixture(scope="module", params=["revolute", "prismatic"])
+@pytest.fixture(scope="module", params=list(TRUTH))
 def photographed(request, toy):
     """A textured plate in front of a base, moved by the true joint, drawn in both states."""
     truth = TRUTH[request.param]
@@ -40,17 +41,20 @@ def degrees_between(a, b):
 def test_a_joint_off_by_one_degree_and_one_percent_comes_back(photographed):
     truth, gaussians, labels, views = photographed
     tilt = se3.rotation_from_rotvec(np.deg2rad(1.0) * np.array([0.8, 0.0, 0.6]))
-    start = replace(truth, axis=tilt @ truth.axis, value=truth.value * 1.01)
-    if truth.kind == "revolute":
+    start = replace(truth, axis=tilt @ truth.axis, value=truth.value * 1.01,
+                    pitch=truth.pitch * 1.1)
+    if truth.kind != "prismatic":
         start = replace(start, origin=truth.origin + np.array([0.008, -0.006, 0]))
     found, = align(gaussians, labels, [start], views, DIAG)
     assert degrees_between(start.axis, truth.axis) > 0.5
     assert degrees_between(found.axis, truth.axis) < 0.1
     assert found.value == pytest.approx(truth.value, rel=1e-3)
-    if truth.kind == "revolute":
+    if truth.kind != "prismatic":
         arm = np.cross(found.origin - truth.origin, truth.axis)
         assert np.linalg.norm(arm) < 1e-3 * DIAG
         assert 0 < found.sigma_origin < 0.01
+    assert found.pitch == pytest.approx(truth.pitch, rel=1e-2)
+    assert 0 < found.sigma_rise < 0.01 or truth.kind != "screw"
     assert 0 < found.sigma_axis < np.deg2rad(1.0)
     assert 0 < found.sigma_value < 0.01
     assert found.kind == truth.kind

@@ -8,7 +8,14 @@ import numpy as np
 import pytest
 
 from part2gs_robotics import se3
-from part2gs_robotics.joint_fit import choose_joint, hinge_price, move_of, parameters, perturbed
+from part2gs_robotics.joint_fit import (
+    choose_joint,
+    hinge_price,
+    move_of,
+    parameters,
+    perturbed,
+    rise_of,
+)
 from part2gs_robotics.joints import Joint
 from part2gs_robotics.landing import build_landing
 from part2gs_robotics.motion_search import Hypothesis
@@ -16,10 +23,11 @@ from part2gs_robotics.motion_search import Hypothesis
 TAU, DIAG = 0.03, 1.4
 TILT = np.array([1.0, 2, -0.5]) / np.linalg.norm([1.0, 2, -0.5])
 JOINTS = [Joint("prismatic", TILT, np.array([0.1, 0.2, 0.3]), 0.4),
-          Joint("revolute", TILT, np.array([0.1, 0.2, 0.3]), 1.1)]
+          Joint("revolute", TILT, np.array([0.1, 0.2, 0.3]), 1.1),
+          Joint("screw", TILT, np.array([0.1, 0.2, 0.3]), 1.1, 0.2)]
 
 
-@pytest.mark.parametrize("joint", JOINTS, ids=["prismatic", "revolute"])
+@pytest.mark.parametrize("joint", JOINTS, ids=["prismatic", "revolute", "screw"])
 def test_every_parameter_moves_the_part_in_its_own_way(joint):
     count = len(parameters(joint))
     assert not parameters(joint).any()
@@ -34,26 +42,35 @@ def test_every_parameter_moves_the_part_in_its_own_way(joint):
     assert np.allclose(both, rates[0] + rates[2], atol=1e-3)  # linear to first order
 
 
-@pytest.mark.parametrize("joint", JOINTS, ids=["prismatic", "revolute"])
+@pytest.mark.parametrize("joint", JOINTS, ids=["prismatic", "revolute", "screw"])
 def test_tilts_are_radians_across_the_axis_and_offsets_diagonals(joint):
     for i in (0, 1):
         tilted = perturbed(joint, 1e-4 * np.eye(len(parameters(joint)))[i], DIAG)
         assert np.arccos(np.clip(tilted.axis @ joint.axis, -1, 1)) == pytest.approx(1e-4, rel=1e-3)
     value = perturbed(joint, 0.01 * np.eye(len(parameters(joint)))[2], DIAG).value - joint.value
-    assert value == pytest.approx(0.01 if joint.kind == "revolute" else 0.01 * DIAG)
-    if joint.kind == "revolute":
+    assert value == pytest.approx(0.01 * DIAG if joint.kind == "prismatic" else 0.01)
+    if joint.kind != "prismatic":
         for i in (3, 4):
-            shift = perturbed(joint, 0.01 * np.eye(5)[i], DIAG).origin - joint.origin
+            step = 0.01 * np.eye(len(parameters(joint)))[i]
+            shift = perturbed(joint, step, DIAG).origin - joint.origin
             assert np.linalg.norm(shift) == pytest.approx(0.01 * DIAG)
             assert shift @ joint.axis == pytest.approx(0.0, abs=1e-12)
+
+
+def test_a_screw_turned_further_rises_as_far_and_its_rise_is_a_length():
+    joint = JOINTS[2]
+    for i, more in ((2, 0.0), (5, 0.01 * DIAG)):
+        new = perturbed(joint, 0.01 * np.eye(6)[i], DIAG)
+        assert rise_of(new) == pytest.approx(rise_of(joint) + more)
 
 
 def noisy(world, sigma, seed):
     """Surfels of the part and landing grids with points displaced along their normals."""
     rng = np.random.default_rng(seed)
     hinge = hasattr(world, "origin")
-    truth = (Hypothesis(1, world.axis, world.origin, world.value) if hinge
-             else Hypothesis(0, world.axis, np.array([0.2, 0.3, 0.4]), world.value))
+    pitch = getattr(world, "pitch", 0.0)
+    truth = (Hypothesis(2 if pitch else 1, world.axis, world.origin, world.value, None, pitch)
+             if hinge else Hypothesis(0, world.axis, np.array([0.2, 0.3, 0.4]), world.value))
     lo, hi = np.array(world.block.lo), np.array(world.block.hi)
     own, lands = [], []
     for state, back in ((0, np.eye(4)), (1, se3.inverse(truth.move))):
@@ -68,14 +85,17 @@ def noisy(world, sigma, seed):
     return truth, (own[0], own[1]), (lands[0], lands[1])
 
 
-@pytest.mark.parametrize(("name", "kind"), [("slid", "prismatic"), ("turned", "revolute")])
+@pytest.mark.parametrize(("name", "kind"), [
+    ("slid", "prismatic"), ("turned", "revolute"), ("screwed", "screw")])
 def test_the_kind_is_right_under_noise_and_from_either_start(name, kind, request):
     world = request.getfixturevalue(name)
     truth, own, lands = noisy(world, 0.003, 0)
     joint = choose_joint(truth, own, lands, TAU, DIAG, 0.8)
     assert joint.kind == kind
     assert joint.confidence == 0.8
-    assert set(joint.bic) == {"revolute", "prismatic"}
+    tried = {"fixed", "revolute", "prismatic"} | ({"screw"} if truth.kind else set())
+    assert set(joint.bic) == tried
+    assert joint.pitch == pytest.approx(truth.pitch, rel=0.1)
     assert min(joint.bic, key=joint.bic.get) == kind
     assert joint.value > 0
     sign = np.sign(truth.value)

@@ -30,6 +30,8 @@ def own_of(world):
 
 
 def truth_of(world):
+    if hasattr(world, "pitch"):
+        return Hypothesis(2, world.axis, world.origin, world.value, None, world.pitch)
     if hasattr(world, "origin"):
         return Hypothesis(1, world.axis, world.origin, world.value)
     return Hypothesis(0, world.axis, np.array([0.2, 0.3, 0.4]), world.value)
@@ -48,10 +50,11 @@ def error_of(found, truth, points):
 def perturbed_of(truth):
     axis = truth.axis + np.array([0.04, -0.03, 0.05])
     return Hypothesis(truth.kind, axis / np.linalg.norm(axis),
-                      truth.origin + np.array([0.01, 0.012, 0.0]), truth.value * 1.05)
+                      truth.origin + np.array([0.01, 0.012, 0.0]), truth.value * 1.05, None,
+                      truth.pitch * 0.8)
 
 
-@pytest.mark.parametrize("name", ["slid", "turned"])
+@pytest.mark.parametrize("name", ["slid", "turned", "screwed"])
 def test_a_perturbed_motion_comes_back(name, request):
     world = request.getfixturevalue(name)
     truth, own = truth_of(world), own_of(world)

@@ -1,0 +1,101 @@
+"""Flips: the same part landed the other way round.
+
+A panel turned about its hinge, and turned half a turn further or less about a line in the air,
+ends in one place with its ends exchanged. A search ranks motions of small patches, and where
+shadows move the wrong one may be all it keeps. Once parts are known both compete before the images.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from part2gs_robotics import se3
+from part2gs_robotics.judge import Judge, Verdict
+from part2gs_robotics.motion_refine import refine
+from part2gs_robotics.motion_search import Hypothesis
+from part2gs_robotics.surfels import Surfels
+
+F64 = NDArray[np.float64]
+FEWEST = 50  # surfels of both states: fewer have no middle and no axes of their own
+MOST_RISE = 0.05  # of the diagonal: a part's middle is known so well; more is no turn
+UPRIGHT = 0.1  # sine: a panel that turns in its own plane has no way across of its own
+NEAR = 0.05  # of the diagonal: a hinge goes through its part or lies beside it
+LEAST_TURN = np.deg2rad(5.0)  # less has no axis worth the name
+
+
+def righted(judge: Judge, verdict: Verdict, say: Callable[[str], None]) -> Verdict:
+    """Return the verdict with turns in the air put right, where that costs less.
+
+    A hinge goes through its part or lies beside it.
+
+    Args:
+        judge: of the study.
+        verdict: decided.
+        say: told of every turn that changes.
+    """
+    best = verdict
+    for k, h in enumerate(verdict.motions):
+        own, near = judge.study.own(best.hard, k + 1), NEAR * judge.study.diag
+        if not h.kind or h.carrier is not None or arm_of(h, own) < near:
+            continue
+        for guess in _flips(h, own, judge.study.diag):
+            new = refine(guess, own, judge.lands, judge.study.taus, 4)
+            if arm_of(new, own) > near:
+                continue
+            trial = judge.judge([*best.motions[:k], new, *best.motions[k + 1:]])
+            if trial.cost < best.cost:
+                say(f"part {k + 1} the other way round: cost {trial.cost:.4f}, "
+                    f"{best.cost - trial.cost:.4f} less")
+                best = trial
+    return best
+
+
+def arm_of(h: Hypothesis, own: tuple[Surfels, Surfels]) -> float:
+    """Return how far the line of a turn passes its part, scene units; infinite without any part."""
+    points = np.concatenate([own[0].points, se3.apply(se3.inverse(h.move), own[1].points)])
+    gaps = np.linalg.norm(np.cross(points - h.origin, h.axis), axis=1)
+    return float(gaps.min(initial=np.inf))
+
+
+def _flips(h: Hypothesis, own: tuple[Surfels, Surfels], diag: float) -> list[Hypothesis]:
+    zero, one = own
+    points = np.concatenate([zero.points, se3.apply(se3.inverse(h.move), one.points)])
+    if len(points) < FEWEST:
+        return []
+    # Of a square panel only the normal is its own: the other ways follow the motion's axis.
+    normal = np.linalg.svd(points - points.mean(0), full_matrices=False)[2][2]
+    across = np.cross(h.axis, normal)
+    if np.linalg.norm(across) < UPRIGHT:
+        across = np.cross(h.axis, np.eye(3)[np.abs(h.axis).argmin()])
+    across /= np.linalg.norm(across)
+    frame = np.stack([h.axis, across, np.cross(h.axis, across)])
+    local = points @ frame.T
+    centre = frame.T @ (0.5 * (local.min(0) + local.max(0)))
+    turns = (turn_of(h.own @ se3.screw_motion(axis, centre, np.pi, 0.0), centre, diag)
+             for axis in frame)
+    return [turn for turn in turns if turn is not None]
+
+
+def turn_of(move: F64, centre: F64, diag: float) -> Hypothesis | None:
+    """Return the turn that a [4, 4] motion nearly is, None if it is none.
+
+    Args:
+        move: of a part.
+        centre: [3] of the part before the motion.
+        diag: diagonal of the object in scene units.
+    """
+    rotvec = se3.rotvec_from_rotation(move[:3, :3])
+    angle = float(np.linalg.norm(rotvec))
+    if angle < LEAST_TURN:
+        return None
+    axis = rotvec / angle
+    way = se3.apply(move, centre[None])[0] - centre
+    rise = float(axis @ way)
+    if abs(rise) > MOST_RISE * diag:
+        return None
+    across = way - rise * axis
+    origin = centre + 0.5 * (across + np.cross(axis, across) / np.tan(0.5 * angle))
+    return Hypothesis(1, axis, origin, angle)

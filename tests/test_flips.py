@@ -1,0 +1,70 @@
+"""A panel landed with its ends exchanged is found out, and competes with the true turn."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from part2gs_robotics import se3
+from part2gs_robotics.flips import righted, turn_of
+from part2gs_robotics.judge import Judge
+from part2gs_robotics.motion_search import Hypothesis
+from part2gs_robotics.study import gather
+
+TRUTH = Hypothesis(1, np.array([0.0, 0, 1]), np.array([0.0, -0.05, 0.0]), -0.9)
+DOOR = np.array([[x, y, z] for x in (0, 0.8) for y in (-0.05, -0.01) for z in (0, 0.6)])
+MIDDLE = DOOR.mean(0)
+DIAG = 1.2
+
+
+@pytest.fixture(scope="module")
+def judge(toy):
+    """A door turned by -0.9 rad about its edge: the judge of the study."""
+    base = toy.Box((0, 0, 0), (0.8, 0.6, 0.6), 1)
+    door = toy.Box((0, -0.05, 0), (0.8, -0.01, 0.6), 3)
+    pair = [toy.gaussians_of([base, replace(door, move=move)], 0.04)[0]
+            for move in (np.eye(4), TRUTH.move)]
+    eyes = toy.cameras(16, 56, np.array([0.4, 0.1, 0.3]), 1.2)
+    scene = toy.scene_of(tuple(toy.drawn(g, *eyes, 56) for g in pair))
+    return Judge(gather(scene, (pair[0], pair[1])))
+
+
+def test_a_door_with_its_ends_exchanged_is_put_right(judge):
+    wrong = turn_of(TRUTH.move @ se3.screw_motion(TRUTH.axis, MIDDLE, np.pi, 0.0), MIDDLE, 1.0)
+    assert np.linalg.norm((wrong.origin - TRUTH.origin)[:2]) > 0.2
+    said = []
+    found = righted(judge, judge.judge([wrong]), said.append)
+    assert len(said) == 1
+    gaps = [np.linalg.norm(se3.apply(h.move, DOOR) - se3.apply(TRUTH.move, DOOR), axis=1).max()
+            for h in (wrong, found.motions[0])]
+    assert gaps[0] > 0.5
+    assert gaps[1] < 0.05  # within reach of the alignment
+
+
+def test_a_hinge_beside_its_part_stays_whatever_costs_less(judge, monkeypatch):
+    """The lid of a bin with its ends exchanged costs less before joints are aligned."""
+    verdict = judge.judge([TRUTH])
+    monkeypatch.setattr(judge, "judge", lambda _motions: pytest.fail("nothing is tried"))
+    assert righted(judge, verdict, pytest.fail) is verdict
+
+
+def test_what_is_right_stays_and_slides_have_no_other_way_round(judge):
+    for h in (TRUTH, Hypothesis(0, TRUTH.axis, TRUTH.origin, 0.2)):
+        verdict = judge.judge([h])
+        assert righted(judge, verdict, pytest.fail) is verdict
+
+
+@pytest.mark.parametrize("angle", [0.2, 1.0, 3.0])
+def test_a_turn_is_the_turn_that_it_is(angle):
+    axis = np.array([1.0, 2, -0.5]) / np.linalg.norm([1.0, 2, -0.5])
+    origin, centre = np.array([0.3, -0.2, 0.4]), np.array([0.1, 0.2, 0.3])
+    found = turn_of(se3.screw_motion(axis, origin, angle, 0.0), centre, DIAG)
+    assert np.allclose(found.move, se3.screw_motion(axis, origin, angle, 0.0), atol=1e-9)
+
+
+def test_what_is_no_turn_is_none():
+    axis, centre = np.array([0.0, 0, 1]), np.zeros(3)
+    assert turn_of(se3.screw_motion(axis, centre, 1.0, 0.2 * DIAG), centre, DIAG) is None
+    assert turn_of(se3.make(np.eye(3), axis), centre, DIAG) is None
