@@ -102,6 +102,30 @@ def align(
     return [squared(j, h, faces, diag) if faces else j for j, h in known]
 
 
+def with_missing_deviations(
+    gaussians: tuple[Gaussians, Gaussians],
+    labels: tuple[NDArray[np.int64], NDArray[np.int64]],
+    joints: list[Joint],
+    views: tuple[SmallViews, SmallViews],
+    diag: float,
+) -> list[Joint]:
+    """Return the joints, with standard deviations for those that have none.
+
+    A joint that was kept as it was before an alignment has none yet.
+
+    Args:
+        gaussians: of both states.
+        labels: [N_s] part of every Gaussian.
+        joints: of parts 1..K.
+        views: images of both states.
+        diag: diagonal of the object in scene units.
+    """
+    if not any(np.isnan(j.sigma_axis) for j in joints):
+        return joints
+    known = _with_deviations(gaussians, labels, joints, views, diag, FINE[-1])
+    return [new if np.isnan(j.sigma_axis) else j for j, (new, _) in zip(joints, known, strict=True)]
+
+
 def _with_deviations(
     gaussians: tuple[Gaussians, Gaussians],
     labels: tuple[NDArray[np.int64], NDArray[np.int64]],

@@ -20,6 +20,7 @@ TUNE_ANGLE = np.deg2rad(12.0)  # rad; drawers of one cabinet run parallel
 TUNE_STEPS = (-0.02, -0.01, -0.005, 0.0, 0.005, 0.01, 0.02)  # of the diagonal
 WHOLE = 0.65  # of the poorer state's surfels: most bodies meet more, two under one motion less
 HOPE = 2.0  # prices: two drawers cost that much more before tuning than after
+HOPELESS = 4.0  # prices above the set without it: no other earlier motion mends that
 SPLIT = 0.005  # of the diagonal: two slides nearer to each other in length are one
 MOST_PAIRS = 20  # of slides tried in the place of each motion; a set takes about 30 ms
 
@@ -63,8 +64,11 @@ def _grown(judge: Judge, best: Verdict, pool: list[Hypothesis], known: bool, swa
            say: Callable[[str], None]) -> tuple[Verdict, float]:
     """Return the verdict on the best set with one motion more, and what that must save."""
     grown = judge.polished(judge.best_of([[*best.motions, h] for h in pool], best))
-    grown = _swap(judge, grown, pool, best) if swap and len(grown.motions) > 1 else grown
-    price = 0.0 if known else judge.price(grown, best.cost)
+    price = judge.price(grown, best.cost)
+    if swap and len(grown.motions) > 1 and (known or grown.cost < best.cost + HOPELESS * price):
+        grown = _swap(judge, grown, pool, best)
+        price = judge.price(grown, best.cost)
+    price = 0.0 if known else price
     if price > best.cost - grown.cost > DOUBT * price and grown.coherent:
         # A drawer with nearly its length saves part of what it will: judge it at its best.
         grown = tune(judge, grown, say)

@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 from part2gs_robotics import se3
 from part2gs_robotics.align import FINE, align
 from part2gs_robotics.config import ArticulateConfig
-from part2gs_robotics.flips import NEAR, arm_of, righted
-from part2gs_robotics.joint_fit import choose_joint, hypothesis_of, move_of
+from part2gs_robotics.flips import NEAR, arm_of
+from part2gs_robotics.joint_fit import hypothesis_of, move_of
 from part2gs_robotics.joints import Joint
 from part2gs_robotics.judge import AGAINST, SLOW, Judge, Verdict
 from part2gs_robotics.landing import land
@@ -25,6 +25,7 @@ from part2gs_robotics.motion_refine import refine
 from part2gs_robotics.motion_search import SCREW, Hypothesis, directions, search_patch
 from part2gs_robotics.motion_select import PATCH_POINTS, PATCH_RADIUS, SEARCH_TAU, farthest, spread
 from part2gs_robotics.part_tree import Tree, carried, flat, ordered
+from part2gs_robotics.prune import held, joint_of, pruned, refitted
 from part2gs_robotics.reach import claim
 from part2gs_robotics.settle import settle
 from part2gs_robotics.small_views import SmallViews
@@ -43,7 +44,6 @@ LEAST_TURN = np.deg2rad(3.0)  # beside the carrier: less is the carrier's own er
 LEAST_SLIDE = 0.02  # of the diagonal, likewise
 FAR_PRICE = 0.02  # of the cost left: for a hinge line FAR away from its part; see `_apart`
 FAR = 0.3  # of the diagonal
-LOOSE = 0.02  # rad: five times the loosest true part of eleven scenes; false ones: 0.034, none
 
 
 def nest(judge: Judge, joints: list[Joint], hard: Labels, config: ArticulateConfig,
@@ -62,16 +62,16 @@ def nest(judge: Judge, joints: list[Joint], hard: Labels, config: ArticulateConf
     """
     tree = flat(*settle(judge, joints, hard, *views, config))
     if config.parts is None and len(joints) > 1:
-        paying = _held(judge, _pruned(judge, tree))
+        paying = held(judge, pruned(judge, tree))
         if len(paying.joints) < len(joints):
-            paying = _righted(judge, paying)
+            paying = refitted(judge, paying)
             again = settle(judge, paying.joints, paying.hard, *views, config)
             tree = replace(paying, joints=again[0], hard=again[1])
     tree = chains(judge, tree, config.parts, np.random.default_rng(config.seed))
     if not any(tree.parents):
         return tree
     tree = aligned(judge, tree, views[1])
-    return _held(judge, tree) if config.parts is None else tree
+    return held(judge, tree) if config.parts is None else tree
 
 
 def chains(judge: Judge, tree: Tree, most: int | None, rng: np.random.Generator) -> Tree:
@@ -85,63 +85,8 @@ def chains(judge: Judge, tree: Tree, most: int | None, rng: np.random.Generator)
                 break
             tree = grown
     if most is None and len(tree.joints) > count:
-        tree = _pruned(judge, tree)
+        tree = pruned(judge, tree)
     return ordered(tree)
-
-
-def _pruned(judge: Judge, tree: Tree) -> Tree:
-    """Return the tree without parts that no longer pay; the last one that moves stays.
-
-    Before joints are settled a bend may look like a part, and before a carried part is known a turn
-    about the base may have stood in for it.
-    """
-    for k in reversed(range(len(tree.joints))):
-        if not tree.known[k] or k + 1 in tree.parents or len(tree.joints) == 1:
-            continue
-        motions = [hypothesis_of(j) for j in tree.joints]
-        now, rest = judge.judge(motions), judge.judge(motions[:k] + motions[k + 1:])
-        gain = rest.surfel_cost + rest.image_cost - now.surfel_cost - now.image_cost
-        price = judge.price(now, rest.surfel_cost + rest.image_cost)
-        logger.info("nested: without part %d %.4f more; price %.4f", k + 1, gain, price)
-        if gain < price or not now.improves(rest):
-            parents = tree.parents[:k] + tree.parents[k + 1:]
-            tree = Tree(tree.joints[:k] + tree.joints[k + 1:],
-                        tuple(p - (p > k + 1) for p in parents), rest.hard,
-                        tree.known[:k] + tree.known[k + 1:])
-    return tree
-
-
-def _held(judge: Judge, tree: Tree) -> Tree:
-    """Return the tree without parts that the images do not hold in place.
-
-    A motion that only hides what one state's bent depth shows has no edges that must fit: its
-    curvature is that of noise, or alignment made it worse (then nothing was estimated).
-    """
-    loose = [not j.sigma_axis < LOOSE and k not in tree.parents
-             for k, j in enumerate(tree.joints, 1)]
-    if not any(loose) or all(loose):
-        return tree
-    keep = [k for k, away in enumerate(loose) if not away]
-    for k in np.flatnonzero(loose):
-        logger.info("nested: part %d is not held by the images, axis +- %.2g deg", k + 1,
-                    np.degrees(tree.joints[k].sigma_axis))
-    joints = [tree.joints[k] for k in keep]
-    number = np.cumsum([0, *(not away for away in loose)])
-    hard = judge.judge([hypothesis_of(j) for j in joints]).hard
-    return Tree(joints, tuple(int(number[tree.parents[k]]) for k in keep), hard,
-                tuple(tree.known[k] for k in keep))
-
-
-def _righted(judge: Judge, tree: Tree) -> Tree:
-    """Return a flat tree with every turn the way round that fits now that parts have left.
-
-    A part that left had part of the surface: what stayed may be the motion that fitted the rest.
-    """
-    old = judge.judge([hypothesis_of(j) for j in tree.joints])
-    new = righted(judge, old, lambda text: logger.info("nested: %s", text))
-    joints = [j if a is b else _joint(judge, new, k) for k, (j, a, b)
-              in enumerate(zip(tree.joints, old.motions, new.motions, strict=True))]
-    return replace(tree, joints=joints, hard=tree.hard if new is old else new.hard)
 
 
 def aligned(judge: Judge, tree: Tree, views: Views) -> Tree:
@@ -174,7 +119,7 @@ def _grown(judge: Judge, tree: Tree, carrier: int, priced: bool, rng: np.random.
                 carrier, len(found), gain, price)
     if not grown.coherent or gain < price or not grown.improves(now):
         return None
-    joint = _joint(judge, grown, len(motions))
+    joint = joint_of(judge, grown, len(motions))
     return Tree([*tree.joints, joint], (*tree.parents, carrier), grown.hard, (*tree.known, 0))
 
 
@@ -217,13 +162,6 @@ def _polished(judge: Judge, verdict: Verdict) -> Verdict:
     return new if new.cost < verdict.cost else verdict
 
 
-def _joint(judge: Judge, verdict: Verdict, k: int) -> Joint:
-    study, h = judge.study, verdict.motions[k]
-    joint = choose_joint(h, study.own(verdict.hard, k + 1), judge.lands, study.tau, study.diag,
-                         judge.confidence(verdict, k))
-    return replace(joint, carrier=h.carrier)
-
-
 def _rehung(judge: Judge, tree: Tree) -> Tree:
     """Return the tree with parts moved to the part that explains them better than the base.
 
@@ -256,7 +194,7 @@ def _rehung(judge: Judge, tree: Tree) -> Tree:
                 best, parent, score = trial, p + 1, cost
         if parent:
             joints = list(tree.joints)
-            joints[k] = _joint(judge, best, k)
+            joints[k] = joint_of(judge, best, k)
             parents = (*tree.parents[:k], parent, *tree.parents[k + 1:])
             tree = Tree(joints, parents, best.hard, tree.known)
     return tree

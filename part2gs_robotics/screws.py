@@ -22,6 +22,8 @@ from part2gs_robotics.motion_select import SEARCH_TAU
 
 RISES = (-0.10, -0.04, 0.0, 0.04, 0.10)  # of the diagonal: steps as wide as what a refinement spans
 LESS = 0.97  # of what its turn leaves: one number more always leaves a little less
+MOST = 3  # screws that are judged
+ALIKE = 1e-3  # of what is left: two that grew into one
 RARE = 2  # prices of a part that a screw pays for being one; a bin's false one would pay one
 PROVEN = 3.0  # standard deviations of the rise, which images must exclude zero by
 SAMPLE = 1500  # surfels of evidence per state: as many as refine a motion in some 50 ms
@@ -67,17 +69,18 @@ def grown(judge: Judge, pool: Sequence[Hypothesis]) -> list[Hypothesis]:
         return sum(float(land(m, s, judge.lands[1 - state], study.tau)[0].sum())
                    for state, (m, s) in enumerate(zip(moves, few, strict=True)))
 
-    out = []
+    out: list[tuple[float, Hypothesis]] = []
     for turn in pool:
         if turn.kind == 1:
             starts = [replace(turn, kind=SCREW, pitch=rise * study.diag / turn.value)
                       for rise in RISES]
             screw = min((refine(h, (few[0], few[1]), judge.lands, taus, 3) for h in starts),
                         key=missed)
-            rises = abs(rise_of(screw)) > LEAST_RISE * study.diag
-            if rises and missed(screw) < LESS * missed(turn):
-                out.append(screw)
-    return out
+            left, rises = missed(screw), abs(rise_of(screw)) > LEAST_RISE * study.diag
+            if rises and left < LESS * missed(turn) and all(abs(left - other) > ALIKE * left
+                                                            for other, _ in out):
+                out.append((left, screw))
+    return [screw for _, screw in sorted(out, key=lambda pair: pair[0])[:MOST]]
 
 
 def plain(joints: Sequence[Joint], diag: float) -> list[Joint]:

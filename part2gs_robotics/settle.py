@@ -13,7 +13,15 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from part2gs_robotics.align import COARSE, FINE, LEAST_GAIN, Level, align, judged
+from part2gs_robotics.align import (
+    COARSE,
+    FINE,
+    LEAST_GAIN,
+    Level,
+    align,
+    judged,
+    with_missing_deviations,
+)
 from part2gs_robotics.config import ArticulateConfig
 from part2gs_robotics.cross_render import both_cost
 from part2gs_robotics.decide import tune
@@ -86,7 +94,8 @@ def _aligned(judge: Judge, joints: list[Joint], hard: Labels, sharp: Views,
     if any(new is not old for new, old in zip(turns, end, strict=True)):
         logger.info("settle: a screw's rise is not proven by the images: a turn")
         end = align(study.gaussians, labels, turns, sharp, study.diag, FINE, faces=study.faces)
-    return judged(study.gaussians, labels, joints, end, sharp, LEAST_GAIN)
+    kept = judged(study.gaussians, labels, joints, end, sharp, LEAST_GAIN)
+    return with_missing_deviations(study.gaussians, labels, kept, sharp, study.diag)
 
 
 def _alternate(

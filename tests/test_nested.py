@@ -13,7 +13,7 @@ from part2gs_robotics.joint_fit import move_of
 from part2gs_robotics.joints import Joint
 from part2gs_robotics.judge import Judge
 from part2gs_robotics.motion_search import Hypothesis
-from part2gs_robotics.nested import LOOSE, _beside, _held, aligned, chains
+from part2gs_robotics.nested import _beside, aligned, chains
 from part2gs_robotics.part_tree import Tree, carried, flat, ordered
 from part2gs_robotics.small_views import small_views
 from part2gs_robotics.study import gather
@@ -145,34 +145,3 @@ def test_carriers_come_before_what_they_carry():
 def test_carriers_motions_follow_their_joints():
     tree = Tree([DOOR, replace(FLAP, carrier=np.eye(4))], (0, 1), np.zeros(1, int), (1, 0))
     np.testing.assert_array_equal(carried(tree).joints[1].carrier, move_of(DOOR))
-
-
-@pytest.mark.parametrize("sigma", [0.1, np.inf, np.nan])
-def test_a_part_that_images_do_not_hold_is_left_out(look_alikes, sigma):
-    first, second = (Joint("prismatic", h.axis, h.origin, h.value) for h in look_alikes.truth)
-    judge = Judge(look_alikes.study)
-    hard = judge.judge(look_alikes.truth).hard
-    sure = replace(first, sigma_axis=0.5 * LOOSE)
-    left = _held(judge, flat([sure, replace(second, sigma_axis=sigma)], hard))
-    assert (left.joints, left.parents, left.known) == ([sure], (0,), (1,))
-    np.testing.assert_array_equal(left.hard, judge.judge(look_alikes.truth[:1]).hard)
-    both = flat([sure, replace(second, sigma_axis=0.5 * LOOSE)], hard)
-    assert _held(judge, both) is both
-    neither = flat([replace(j, sigma_axis=sigma) for j in (first, second)], hard)
-    assert _held(judge, neither) is neither, "one part must stay"
-    carrier = flat([replace(first, sigma_axis=sigma), sure], hard)
-    carrier = replace(carrier, parents=(0, 1))
-    assert _held(judge, carrier) is carrier, "what carries a part stays"
-    carried_one = replace(both, joints=[*both.joints, replace(second, sigma_axis=sigma)],
-                          parents=(0, 0, 2), known=(1, 2, 0))
-    assert _held(judge, carried_one).parents == (0, 0)
-
-
-def test_look_alike_slides_stay_on_the_base(look_alikes):
-    """One block carried by the other would explain both states just as well."""
-    judge = Judge(look_alikes.study)
-    joints = [Joint("prismatic", h.axis, h.origin, h.value) for h in look_alikes.truth]
-    hard = judge.judge(list(look_alikes.truth)).hard
-    tree = chains(judge, flat(joints, hard), None, np.random.default_rng(0))
-    assert tree.parents == (0, 0)
-    assert tree.known == (1, 2)

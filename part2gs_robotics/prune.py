@@ -1,0 +1,94 @@
+"""Pruning: parts that leave again once joints are settled, and what stays put right.
+
+Before joints are settled a bend may look like a part, and before a carried part is known a turn
+about the base may have stood in for it.
+"""
+
+from __future__ import annotations
+
+import logging
+from dataclasses import replace
+
+import numpy as np
+
+from part2gs_robotics.flips import righted
+from part2gs_robotics.joint_fit import choose_joint, hypothesis_of
+from part2gs_robotics.joints import Joint
+from part2gs_robotics.judge import Judge, Verdict
+from part2gs_robotics.motion_search import Hypothesis
+from part2gs_robotics.part_tree import Tree
+
+logger = logging.getLogger(__name__)
+MUCH = 10.0  # prices: false parts that images did not hold saved 6 and 7, a true door 13
+LOOSE = 0.02  # rad: five times the loosest true part of eleven scenes; false ones: 0.034, none
+
+
+def pruned(judge: Judge, tree: Tree) -> Tree:
+    """Return the tree without parts that no longer pay; the last one that moves stays."""
+    for k in reversed(range(len(tree.joints))):
+        if not tree.known[k] or k + 1 in tree.parents or len(tree.joints) == 1:
+            continue
+        motions = [hypothesis_of(j) for j in tree.joints]
+        now, rest, gain, price = _gain(judge, motions, k)
+        logger.info("prune: without part %d %.4f more; price %.4f", k + 1, gain, price)
+        if gain < price or not now.improves(rest):
+            parents = tree.parents[:k] + tree.parents[k + 1:]
+            tree = Tree(tree.joints[:k] + tree.joints[k + 1:],
+                        tuple(p - (p > k + 1) for p in parents), rest.hard,
+                        tree.known[:k] + tree.known[k + 1:])
+    return tree
+
+
+def _gain(judge: Judge, motions: list[Hypothesis], k: int) -> tuple[Verdict, Verdict, float, float]:
+    """Return the verdicts with and without motion k, what it saves, and its price."""
+    now, rest = judge.judge(motions), judge.judge(motions[:k] + motions[k + 1:])
+    left = rest.surfel_cost + rest.image_cost
+    return now, rest, left - now.surfel_cost - now.image_cost, judge.price(now, left)
+
+
+def held(judge: Judge, tree: Tree) -> Tree:
+    """Return the tree without parts that the images do not hold in place, unless they save much.
+
+    A motion that only hides what one state's bent depth shows has no edges that must fit: its
+    curvature is that of noise. A plain door in few photos has little more, but saves more.
+    """
+    motions = [hypothesis_of(j) for j in tree.joints]
+
+    def alone(k: int) -> bool:
+        if tree.joints[k].sigma_axis < LOOSE or k + 1 in tree.parents:
+            return False
+        _, _, gain, price = _gain(judge, motions, k)
+        return gain < MUCH * price
+
+    loose = [alone(k) for k in range(len(tree.joints))]
+    if not any(loose) or all(loose):
+        return tree
+    keep = [k for k, away in enumerate(loose) if not away]
+    for k in np.flatnonzero(loose):
+        logger.info("prune: part %d is not held by the images, axis +- %.2g deg", k + 1,
+                    np.degrees(tree.joints[k].sigma_axis))
+    joints = [tree.joints[k] for k in keep]
+    number = np.cumsum([0, *(not away for away in loose)])
+    hard = judge.judge([hypothesis_of(j) for j in joints]).hard
+    return Tree(joints, tuple(int(number[tree.parents[k]]) for k in keep), hard,
+                tuple(tree.known[k] for k in keep))
+
+
+def refitted(judge: Judge, tree: Tree) -> Tree:
+    """Return a flat tree with every turn the way round that fits now that parts have left.
+
+    A part that left had part of the surface: what stayed may be the motion that fitted the rest.
+    """
+    old = judge.judge([hypothesis_of(j) for j in tree.joints])
+    new = righted(judge, old, lambda text: logger.info("prune: %s", text))
+    joints = [j if a is b else joint_of(judge, new, k) for k, (j, a, b)
+              in enumerate(zip(tree.joints, old.motions, new.motions, strict=True))]
+    return replace(tree, joints=joints, hard=tree.hard if new is old else new.hard)
+
+
+def joint_of(judge: Judge, verdict: Verdict, k: int) -> Joint:
+    """Return the joint that explains the surfels of motion k best."""
+    study, h = judge.study, verdict.motions[k]
+    joint = choose_joint(h, study.own(verdict.hard, k + 1), judge.lands, study.tau, study.diag,
+                         judge.confidence(verdict, k))
+    return replace(joint, carrier=h.carrier)

@@ -1,0 +1,73 @@
+"""Parts leave again that no longer pay, or that images do not hold and that save little."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from part2gs_robotics.joints import Joint
+from part2gs_robotics.judge import Judge
+from part2gs_robotics.part_tree import flat
+from part2gs_robotics.prune import LOOSE, held, pruned
+
+SIGMAS = pytest.mark.parametrize("sigma", [0.1, np.inf, np.nan])
+
+
+@pytest.fixture(scope="module")
+def judge(look_alikes):
+    return Judge(look_alikes.study)
+
+
+@pytest.fixture(scope="module")
+def parts(look_alikes):
+    """Both true joints, and one that is nearly the first and saves nothing beside it."""
+    first, second = (Joint("prismatic", h.axis, h.origin, h.value, sigma_axis=0.5 * LOOSE)
+                     for h in look_alikes.truth)
+    return first, second, replace(first, value=1.01 * first.value)
+
+
+def tree_of(judge, look_alikes, *joints):
+    return flat(list(joints), judge.judge(look_alikes.truth).hard)
+
+
+@SIGMAS
+def test_a_part_that_images_do_not_hold_and_that_saves_little_is_left_out(
+        judge, look_alikes, parts, sigma):
+    first, second, copy = parts
+    loose = replace(copy, sigma_axis=sigma)
+    left = held(judge, tree_of(judge, look_alikes, first, second, loose))
+    assert (left.joints, left.parents, left.known) == ([first, second], (0, 0), (1, 2))
+    np.testing.assert_array_equal(left.hard, judge.judge(look_alikes.truth).hard)
+
+
+@SIGMAS
+def test_what_saves_much_stays_and_what_is_held(judge, look_alikes, parts, sigma):
+    first, second, copy = parts
+    for joints in ((first, replace(second, sigma_axis=sigma)), (first, second, copy)):
+        tree = tree_of(judge, look_alikes, *joints)
+        assert held(judge, tree) is tree
+
+
+@SIGMAS
+def test_carriers_stay_and_numbers_follow(judge, look_alikes, parts, sigma):
+    first, second, copy = parts
+    loose = replace(copy, sigma_axis=sigma)
+    carrier = replace(tree_of(judge, look_alikes, first, loose, second), parents=(0, 0, 2))
+    assert held(judge, carrier) is carrier
+    beside = replace(tree_of(judge, look_alikes, loose, first, second), parents=(0, 0, 2))
+    assert held(judge, beside).parents == (0, 1)
+
+
+def test_one_part_must_stay(judge, look_alikes, parts):
+    first, _, copy = parts
+    both = tree_of(judge, look_alikes, *(replace(j, sigma_axis=np.inf) for j in (first, copy)))
+    assert len(held(judge, both).joints) >= 1
+    assert len(pruned(judge, tree_of(judge, look_alikes, first)).joints) == 1
+
+
+def test_a_copy_no_longer_pays(judge, look_alikes, parts):
+    first, second, copy = parts
+    left = pruned(judge, tree_of(judge, look_alikes, first, second, copy))
+    assert left.joints == [first, second]
