@@ -5,7 +5,8 @@
 The kit renders the objects, runs `part2gs-robot build` and scores the twin, which is all it sees.
 Held-out PSNR over time is read from the checkpoints of one build; the twin's errors come from
 builds stopped early. Every build leaves a file in the work folder, and the same command goes on
-where it was interrupted. Without --kit, table and figure are made from results/reconstruction.json.
+where it was interrupted; rows of earlier runs stay. Without --kit, table and figure are made from
+results/reconstruction.json.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ import os
 import platform
 import sys
 from collections.abc import Iterator, Sequence
+from pathlib import Path
 from typing import Any
 
 from reconstruction_figure import draw
@@ -40,7 +42,7 @@ def main(words: Sequence[str] | None = None) -> int:
     args = parser().parse_args(words)
     out = args.work / QUICK if args.quick else OUT
     if args.kit:
-        rows = [run(args, *job) for job in jobs(args)]
+        rows = merged(out, [run(args, *job) for job in jobs(args)])
         out.parent.mkdir(parents=True, exist_ok=True)
         out.write_text(json.dumps(summary(rows), indent=1) + "\n")
     if not out.exists():
@@ -99,6 +101,15 @@ def run(args: argparse.Namespace, name: str, preset: str, device: str,
 
     row = kept(args.work / "rows" / f"{label}.json", key, make)
     return {"preset": preset, "device": device, "share": share, "steps": steps} | row
+
+
+def merged(out: Path, rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Return the rows with those of earlier runs, which may be of other objects or presets."""
+    def name(row: dict[str, Any]) -> tuple[object, ...]:
+        return row["object"], row["preset"], row["device"], row["share"]
+
+    earlier = json.loads(out.read_text())["rows"] if out.exists() else []
+    return list(({name(row): row for row in earlier} | {name(row): row for row in rows}).values())
 
 
 def summary(rows: list[dict[str, Any]]) -> dict[str, Any]:

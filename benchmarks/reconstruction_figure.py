@@ -15,7 +15,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 from raster_figure import FONT, INK, TALL, WIDE, Axes, Line, even, panel, powers
-from reconstruction_table import complete, count, grouped
+from reconstruction_table import comparable, complete, count, grouped
 
 Rows = list[dict[str, Any]]
 Rgb = NDArray[np.uint8]
@@ -27,6 +27,7 @@ LEAST = {"angle_deg": 1e-3, "line_pct": 1e-3, "motion_deg": 1e-3}  # what is les
 
 def draw(result: dict[str, Any], path: Path) -> None:
     """Write the figure: six errors over run time, PSNR over the time of one build, a legend."""
+    result = result | {"rows": comparable(result["rows"])}
     groups = grouped(result["rows"])
     panels = [error(groups, title, pick) for title, pick in ERRORS]
     sheet = [*panels, psnr(groups), legend(groups, result)]

@@ -34,6 +34,20 @@ def grouped(rows: Rows) -> dict[tuple[str, str, float], Rows]:
         item[0][0], order.get(item[0][1], len(order)), item[0][2])))
 
 
+def comparable(rows: Rows) -> Rows:
+    """Return the rows of objects that were built with every share of their preset and device.
+
+    A curve over other objects at every point would show the objects.
+    """
+    shares: dict[tuple[str, str], dict[str, set[float]]] = {}
+    for row in rows:
+        of = shares.setdefault((row["device"], row["preset"]), {})
+        of.setdefault(row["object"], set()).add(row["share"])
+    most = {key: max(map(len, of.values())) for key, of in shares.items()}
+    return [row for row in rows if len(shares[row["device"], row["preset"]][row["object"]])
+            == most[row["device"], row["preset"]]]
+
+
 def cells(group: tuple[str, str, float], rows: Rows) -> list[str]:
     """Return the texts of one table row."""
     device, preset, share = group
@@ -54,7 +68,8 @@ def caption(result: dict[str, Any]) -> str:
     options = result["options"]
     objects = count(len({row["object"] for row in result["rows"]}), "object")
     return (
-        f"Medians over {objects}, the worst one in brackets; of the parts found; "
+        f"Medians over {objects}, or as many as a row says, the worst one in brackets; of the "
+        "parts found; "
         "Chamfer in 1000 x squared units with the kit's sampling floor beside. "
         f"{options['views']} + {options['views']} RGB views of {options['size']} x "
         f"{options['size']} pixels, nothing given; {result['machine']}; commit {result['commit']}, "

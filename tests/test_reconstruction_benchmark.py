@@ -112,6 +112,23 @@ def test_groups_come_by_device_preset_and_share(modules: dict[str, ModuleType]) 
                      ("cpu", "high", 1.0), ("cuda", "draft", 1.0)]
 
 
+def test_curves_are_of_objects_built_with_every_share(modules: dict[str, ModuleType]) -> None:
+    rows = [*(build(share, object="a", preset="standard") for share in (1.0, 0.5)),
+            build(1.0, object="b", preset="standard"), build(1.0, object="b", preset="draft")]
+    assert modules["reconstruction_table"].comparable(rows) == [*rows[:2], rows[3]]
+
+
+def test_rows_of_earlier_runs_stay_unless_built_anew(modules: dict[str, ModuleType],
+                                                     tmp_path: Path) -> None:
+    out = tmp_path / "found.json"
+    old = [build(1.0, object="a", miou=0.1), build(1.0, object="b")]
+    merged = modules["reconstruction"].merged
+    assert merged(out, old) == old
+    out.write_text(json.dumps({"rows": old}))
+    new = build(1.0, object="a", miou=0.9)
+    assert merged(out, [new]) == [new, old[1]]
+
+
 def test_the_figure_shows_every_preset_in_its_colour(modules: dict[str, ModuleType],
                                                      tmp_path: Path) -> None:
     figure = modules["reconstruction_figure"]
