@@ -49,7 +49,7 @@ class Config:
 
 
 PRESETS: dict[str, dict[str, Value]] = {  # standard is what the dataclasses say
-    "draft": {"max_side": 320, "steps": 450, "half_steps": 225, "start_gaussians": 9_000,
+    "draft": {"max_side": 320, "steps": 480, "half_steps": 240, "start_gaussians": 9_000,
               "max_gaussians": 12_000, "hull_resolution": 128, "view_color": False,
               "stereo_views": 32, "patches": 12, "patch_points": 40, "align_views": 8,
               "align_side": 160, "sharp_side": 256,
