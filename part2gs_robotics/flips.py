@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from part2gs_robotics import se3
-from part2gs_robotics.judge import Judge, Verdict
+from part2gs_robotics.judge import NEAR, Judge, Verdict, arm_of
 from part2gs_robotics.motion_refine import refine
 from part2gs_robotics.motion_search import Hypothesis
 from part2gs_robotics.surfels import Surfels
@@ -22,7 +22,6 @@ F64 = NDArray[np.float64]
 FEWEST = 50  # surfels of both states: fewer have no middle and no axes of their own
 MOST_RISE = 0.05  # of the diagonal: a part's middle is known so well; more is no turn
 UPRIGHT = 0.1  # sine: a panel that turns in its own plane has no way across of its own
-NEAR = 0.05  # of the diagonal: a hinge goes through its part or lies beside it
 LEAST_TURN = np.deg2rad(5.0)  # less has no axis worth the name
 
 
@@ -51,13 +50,6 @@ def righted(judge: Judge, verdict: Verdict, say: Callable[[str], None]) -> Verdi
                     f"{best.cost - trial.cost:.4f} less")
                 best = trial
     return best
-
-
-def arm_of(h: Hypothesis, own: tuple[Surfels, Surfels]) -> float:
-    """Return how far the line of a turn passes its part, scene units; infinite without any part."""
-    points = np.concatenate([own[0].points, se3.apply(se3.inverse(h.move), own[1].points)])
-    gaps = np.linalg.norm(np.cross(points - h.origin, h.axis), axis=1)
-    return float(gaps.min(initial=np.inf))
 
 
 def _flips(h: Hypothesis, own: tuple[Surfels, Surfels], diag: float) -> list[Hypothesis]:

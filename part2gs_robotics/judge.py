@@ -15,6 +15,7 @@ from part2gs_robotics.landing import unclaimed
 from part2gs_robotics.motion_refine import refine
 from part2gs_robotics.motion_search import Hypothesis
 from part2gs_robotics.study import Study
+from part2gs_robotics.surfels import Surfels
 
 F64 = NDArray[np.float64]
 PART_PRICE = 0.003  # of cost per object pixel plus cost per surfel: what one more part must save
@@ -27,6 +28,7 @@ MIN_SURFELS = 25  # in either state: less is the size of a floater
 # Of the poorer state's surfels, as many meet their own kind under a motion that is surely right,
 # one that may be, and one that only hides them: two drawers under one slide met 0.22 to 0.4.
 ALL_MET, MIN_MET, NONE_MET = 0.5, 0.35, 0.25
+NEAR = 0.05  # of the diagonal: hinges of eleven scenes pass their parts by 0.036 at most
 SORTED = 10  # sets per step, the best by a rough labelling, that are labelled to the end
 SHOWN = 5  # sets per step that are rendered
 
@@ -41,6 +43,7 @@ class Verdict:
         image_cost: cross-rendering cost per object pixel.
         met: of the motion that does so least, the share of its own surfels of one state that it
             carries onto those of the other.
+        air: 0..1, how far the line of a turn passes its part, 1 = surely no hinge.
     """
 
     motions: tuple[Hypothesis, ...]
@@ -48,6 +51,7 @@ class Verdict:
     surfel_cost: float
     image_cost: float
     met: float = 1.0
+    air: float = 0.0
 
     @property
     def coherent(self) -> bool:
@@ -56,9 +60,13 @@ class Verdict:
 
     @property
     def cost(self) -> float:
-        """Cost without the price of the parts; dearer with a part that is hardly one body."""
+        """Cost without the price of the parts; dearer with a part that no made thing has.
+
+        That is one which is hardly one body, or turns about a line in the air.
+        """
         torn = (ALL_MET - self.met) / (ALL_MET - NONE_MET)
-        return self.surfel_cost + self.image_cost + INCOHERENT * min(max(torn, 0.0), 1.0)
+        strange = min(max(torn, 0.0), 1.0) + self.air
+        return self.surfel_cost + self.image_cost + INCOHERENT * strange
 
     def improves(self, other: Verdict) -> bool:
         """Return whether this set costs less and neither surfels nor images speak against it.
@@ -72,6 +80,13 @@ class Verdict:
         return (self.surfel_cost + self.image_cost < other.surfel_cost + other.image_cost
                 and self.surfel_cost < (1 + AGAINST) * other.surfel_cost
                 and self.image_cost < (1 + AGAINST) * other.image_cost)
+
+
+def arm_of(h: Hypothesis, own: tuple[Surfels, Surfels]) -> float:
+    """Return how far the line of a turn passes its part, scene units; infinite without any part."""
+    points = np.concatenate([own[0].points, se3.apply(se3.inverse(h.move), own[1].points)])
+    gaps = np.linalg.norm(np.cross(points - h.origin, h.axis), axis=1)
+    return float(gaps.min(initial=np.inf))
 
 
 class Judge:
@@ -149,7 +164,14 @@ class Judge:
             self.study.source_weight,
         )
         met = float(self.met(motions, hard).min(initial=1.0))
-        return Verdict(tuple(motions), hard, surfel_cost, image, met)
+        return Verdict(tuple(motions), hard, surfel_cost, image, met, self.air(motions, hard))
+
+    def air(self, motions: Sequence[Hypothesis], hard: NDArray[np.int64]) -> float:
+        """Return the largest of what Verdict.air says of every turn."""
+        gaps = [arm_of(h, self.study.own(hard, k + 1)) / self.study.diag
+                for k, h in enumerate(motions) if h.kind]
+        return max((min(max(gap / NEAR - 1.0, 0.0), 1.0) for gap in gaps if gap < np.inf),
+                   default=0.0)
 
     def bodies(self, verdict: Verdict) -> Verdict:
         """Return the verdict without motions that carry no body of their own, worst first."""

@@ -16,10 +16,9 @@ from numpy.typing import NDArray
 from part2gs_robotics import se3
 from part2gs_robotics.align import FINE, align
 from part2gs_robotics.config import ArticulateConfig
-from part2gs_robotics.flips import NEAR, arm_of
 from part2gs_robotics.joint_fit import hypothesis_of, move_of
 from part2gs_robotics.joints import Joint
-from part2gs_robotics.judge import AGAINST, SLOW, Judge, Verdict
+from part2gs_robotics.judge import AGAINST, NEAR, SLOW, Judge, Verdict, arm_of
 from part2gs_robotics.landing import land
 from part2gs_robotics.motion_refine import refine
 from part2gs_robotics.motion_search import SCREW, Hypothesis, directions, search_patch

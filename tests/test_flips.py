@@ -9,7 +9,7 @@ import pytest
 
 from part2gs_robotics import se3
 from part2gs_robotics.flips import righted, turn_of
-from part2gs_robotics.judge import Judge
+from part2gs_robotics.judge import INCOHERENT, NEAR, Judge
 from part2gs_robotics.motion_search import Hypothesis
 from part2gs_robotics.study import gather
 
@@ -68,3 +68,23 @@ def test_what_is_no_turn_is_none():
     axis, centre = np.array([0.0, 0, 1]), np.zeros(3)
     assert turn_of(se3.screw_motion(axis, centre, 1.0, 0.2 * DIAG), centre, DIAG) is None
     assert turn_of(se3.make(np.eye(3), axis), centre, DIAG) is None
+
+
+def test_a_hinge_in_the_air_costs_more_than_it_leaves(judge):
+    right = judge.judge([TRUTH])
+    assert right.air == 0.0
+    assert right.cost == pytest.approx(right.surfel_cost + right.image_cost)
+    wrong = turn_of(TRUTH.move @ se3.screw_motion(TRUTH.axis, MIDDLE, np.pi, 0.0), MIDDLE, 1.0)
+    there = judge.judge([wrong])
+    assert there.air > 0.8
+    assert there.cost >= there.surfel_cost + there.image_cost + 0.8 * INCOHERENT
+
+
+@pytest.mark.parametrize(("gap", "air"), [(0.9, 0.0), (1.5, 0.5), (3.0, 1.0)])
+def test_the_air_grows_with_the_gap(judge, gap, air):
+    """The door before it moves, and a line beside its edge."""
+    hard = judge.judge([TRUTH]).hard.copy()
+    hard[len(judge.study.surfels[0]):] = 0
+    edge = judge.study.own(hard, 1)[0].points[:, 0].min()
+    origin = np.array([edge - gap * NEAR * judge.study.diag, -0.03, 0.0])
+    assert judge.air([replace(TRUTH, origin=origin)], hard) == pytest.approx(air, abs=0.15)
