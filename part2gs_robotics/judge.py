@@ -23,6 +23,8 @@ PART_SHARE = 0.015  # of the cost left: what noise saves grows with it
 SLOW = 0.05  # of the diagonal: bent depth looks like parts that move less (seen: 4.3 %)
 SLOW_SHARE = 0.027  # of the cost left, with such a part: the bend of a bin saved 2.0 to 2.3 %
 AGAINST = 0.01  # of a cost: less is noise of the labelling; a bin's false lid landed 1.8 % worse
+WHOLER = 0.03  # of the image cost, where bodies become whole: a third drawer's was 1.7 % worse
+MORE_MET = 0.1  # of the surfels of the part that meets least: that drawer's front raised it by 0.34
 INCOHERENT = 0.05  # while parts are missing one motion must hide the others' surfels as well
 MIN_SURFELS = 25  # in either state: less is the size of a floater
 # Of the poorer state's surfels, as many meet their own kind under a motion that is surely right,
@@ -73,13 +75,15 @@ class Verdict:
 
         A false part can show the photos what one state never saw, such as the inside of a lid, by
         moving something else there; then surfels land worse. A true part helps both. Bodies need
-        only cost less than what is none: that can hide the surfels of two parts rather well.
+        only cost less than what is none: that can hide the surfels of two parts rather well. Where
+        one motion that met few becomes two that meet theirs, images may speak against it a little.
         """
         if self.coherent and not other.coherent:
             return self.cost < other.cost
+        images = WHOLER if self.met > other.met + MORE_MET else AGAINST
         return (self.surfel_cost + self.image_cost < other.surfel_cost + other.image_cost
                 and self.surfel_cost < (1 + AGAINST) * other.surfel_cost
-                and self.image_cost < (1 + AGAINST) * other.image_cost)
+                and self.image_cost < (1 + images) * other.image_cost)
 
 
 def arm_of(h: Hypothesis, own: tuple[Surfels, Surfels]) -> float:

@@ -196,6 +196,17 @@ def test_bodies_need_only_cost_less_than_what_is_none(right):
     assert torn.improves(replace(right, surfel_cost=right.surfel_cost + 0.1)), "on the way"
 
 
+@pytest.mark.parametrize(("met", "images", "improves"), [
+    (0.95, 1.02, True),  # one motion for two drawers became two
+    (0.95, 1.04, False), (0.65, 1.02, False), (0.65, 1.005, True),
+])
+def test_images_may_speak_a_little_against_bodies_that_become_whole(right, met, images, improves):
+    torn = replace(right, met=0.6)
+    whole = replace(right, met=met, surfel_cost=right.surfel_cost - 0.06 * right.image_cost,
+                    image_cost=images * right.image_cost)
+    assert whole.improves(torn) is improves
+
+
 def test_one_part_by_order_is_one_part(look_alikes):
     found = decide(look_alikes.study, [WRONG["across"], *look_alikes.truth], 1, silent)
     motion, = found.motions
