@@ -160,7 +160,7 @@ def _pool(
     )
     top = distinct([h for h, _ in ranked][:POOL_TOP], study)
     straight = snapped(top, study, rng)
-    families = slide_families([*straight, *top], study, 5 * POOL_PRICE * moved)
+    families = slide_families([*straight, *top], study, 5 * POOL_PRICE * moved, rng)
     pool = distinct([*top, *families, *straight], study)
     logger.info("search: %d patches' motions, %d compete", len(found), len(pool))
     return pool

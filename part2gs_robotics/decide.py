@@ -48,9 +48,12 @@ def decide(
             f"price {price:.4f}")
         if parts is None and (gain < price or not grown.improves(best)):
             say("surfels or images speak against it" if gain >= price else "not worth it")
-            grown = _split(judge, best, pool, say)
-            if grown is best:
+            two = _split(judge, best, pool, say)
+            if two is best:
+                two = _two_at_once(judge, best, grown, pool, say)
+            if two is best:
                 break
+            grown = two
             say(f"one slide was two: {len(grown.motions)} parts: cost {grown.cost:.4f}")
         best, solid = grown, grown if grown.coherent else solid
     if not best.coherent:
@@ -87,6 +90,24 @@ def _swap(judge: Judge, verdict: Verdict, pool: list[Hypothesis], above: Verdict
         if trial.cost < best.cost - 1e-3 and trial.improves(above) >= best.improves(above):
             best = trial
     return best if best is verdict else judge.polished(best)
+
+
+def _two_at_once(judge: Judge, best: Verdict, grown: Verdict, pool: list[Hypothesis],
+                 say: Callable[[str], None]) -> Verdict:
+    """Return the verdict with two slides more where neither pays alone, `best` if none do.
+
+    Args:
+        judge: of the study.
+        best: verdict so far.
+        grown: with one motion more, which did not pay.
+        pool: hypotheses.
+        say: told every step.
+    """
+    two = _split(judge, grown, pool, say)
+    if two is grown:
+        return best
+    pays = best.cost - two.cost >= 2 * judge.price(two, best.cost)
+    return two if pays and two.improves(best) else best
 
 
 def _split(judge: Judge, verdict: Verdict, pool: list[Hypothesis],

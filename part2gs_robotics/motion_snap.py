@@ -32,8 +32,7 @@ def snapped(found: list[Hypothesis], study: Study, rng: np.random.Generator) -> 
         study: supplies the dominant directions of the object.
         rng: of the direction search.
     """
-    sample = study.surfels[0]
-    axes = directions(sample, sample.select(rng.permutation(len(sample))[:200]), rng)
+    axes = _own_directions(study, rng)
     out: list[Hypothesis] = []
     for h in found:
         limit = TURN_SNAP if h.kind else SLIDE_SNAP
@@ -44,19 +43,29 @@ def snapped(found: list[Hypothesis], study: Study, rng: np.random.Generator) -> 
     return out
 
 
-def slide_families(found: list[Hypothesis], study: Study, price: float) -> list[Hypothesis]:
+def _own_directions(study: Study, rng: np.random.Generator) -> F64:
+    sample = study.surfels[0]
+    return directions(sample, sample.select(rng.permutation(len(sample))[:200]), rng)
+
+
+def slide_families(found: list[Hypothesis], study: Study, price: float,
+                   rng: np.random.Generator) -> list[Hypothesis]:
     """Return slides along the directions of `found` whose distances together explain most.
+
+    Where no patch found a slide, such as of drawers behind doors, the object's own directions are
+    tried.
 
     Args:
         found: motions; only the slides' directions are used.
         study: evidence and landing grids.
         price: evidence one more distance must explain, see `cover`.
+        rng: of the direction search.
     """
     axes: list[F64] = []
     for h in found:
         if h.kind == 0 and all(abs(h.axis @ a) < np.cos(np.deg2rad(8.0)) for a in axes):
             axes.append(h.axis)
-    axes = axes[:MAX_FAMILIES]
+    axes = (axes or list(_own_directions(study, rng)))[:MAX_FAMILIES]
     steps = np.arange(2, LONGEST_SLIDE / SLIDE_STEP) * SLIDE_STEP * study.diag
     out: list[Hypothesis] = []
     for axis in axes:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from part2gs_robotics import se3
-from part2gs_robotics.decide import WHOLE, _split, decide, tune
+from part2gs_robotics.decide import WHOLE, _split, _two_at_once, decide, tune
 from part2gs_robotics.judge import (
     ALL_MET,
     INCOHERENT,
@@ -194,6 +194,19 @@ def test_bodies_need_only_cost_less_than_what_is_none(right):
     assert not right.improves(replace(torn, met=1.0)), "surfels speak against it"
     assert not right.improves(replace(torn, surfel_cost=torn.surfel_cost - INCOHERENT))
     assert torn.improves(replace(right, surfel_cost=right.surfel_cost + 0.1)), "on the way"
+
+
+def test_two_slides_are_found_where_one_between_them_does_not_pay(judge, right, look_alikes):
+    none = judge.judge([])
+    axis, origin = look_alikes.truth[0].axis, look_alikes.truth[0].origin
+    between = judge.judge([Hypothesis(0, axis, origin, 0.25)])
+    pool = [*look_alikes.truth, *between.motions]
+    found = _two_at_once(judge, none, between, pool, silent)
+    assert sorted(h.value for h in found.motions) == pytest.approx([0.2, 0.3], abs=0.01)
+    assert found.improves(none)
+    cheap = replace(right, image_cost=right.image_cost - 1e-4)
+    assert _two_at_once(judge, cheap, between, pool, silent) is cheap, "two must pay"
+    assert _two_at_once(judge, none, right, pool, silent) is none, "bodies are not split"
 
 
 @pytest.mark.parametrize(("met", "images", "improves"), [

@@ -58,12 +58,16 @@ def test_a_hinge_is_snapped_within_its_own_narrower_limit(study):
 def test_the_family_of_a_direction_holds_the_true_distance(study, slid):
     wrong_length = Hypothesis(0, slid.axis, np.zeros(3), 0.1)
     turn = Hypothesis(1, np.array([0.0, 0, 1]), np.zeros(3), 0.5)
-    family = slide_families([turn, wrong_length], study, 20.0)
+    rng = np.random.default_rng(0)
+    family = slide_families([turn, wrong_length], study, 20.0, rng)
     assert family
     assert all(np.array_equal(h.axis, slid.axis) and h.kind == 0 for h in family)
     step = 0.01 * study.diag
     assert min(abs(h.value - slid.value) for h in family) <= 0.51 * step
-    assert slide_families([turn], study, 20.0) == []
+    # without any slide the object's own directions are tried
+    own = slide_families([turn], study, 20.0, rng)
+    assert min(np.linalg.norm(h.axis * h.value - slid.axis * slid.value) for h in own) <= 2 * step
+    assert slide_families([turn], study, 1e9, rng) == []  # none explains as much as that
 
 
 def test_distinct_keeps_the_first_of_motions_that_act_alike(study):
