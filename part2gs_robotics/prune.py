@@ -40,10 +40,14 @@ def pruned(judge: Judge, tree: Tree) -> Tree:
 
 
 def _gain(judge: Judge, motions: list[Hypothesis], k: int) -> tuple[Verdict, Verdict, float, float]:
-    """Return the verdicts with and without motion k, what it saves, and its price."""
+    """Return the verdicts with and without motion k, what it saves, and its price.
+
+    Without one of two drawers the other's motion hides both rather well, but is no body's any more.
+    """
     now, rest = judge.judge(motions), judge.judge(motions[:k] + motions[k + 1:])
     left = rest.surfel_cost + rest.image_cost
-    return now, rest, left - now.surfel_cost - now.image_cost, judge.price(now, left)
+    gain = max(left - now.surfel_cost - now.image_cost, rest.cost - now.cost)
+    return now, rest, gain, judge.price(now, left)
 
 
 def held(judge: Judge, tree: Tree) -> Tree:
