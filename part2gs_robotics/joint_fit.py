@@ -76,7 +76,8 @@ def choose_joint(
 
     BIC with the noise measured in the scene; a hinge far from its part pays extra.
     """
-    tried = KINDS if h.kind else KINDS[:2]  # a slide that the images preferred is no screw
+    # A slide that the images preferred is no screw, and carried ones are not looked for.
+    tried = KINDS if h.kind and h.carrier is None else KINDS[:2]
     fits = {name: _as_kind(h, kind, own, lands, tau) for kind, name in enumerate(tried)}
     sigma = min(_noise(f, own, lands, tau) for f in fits.values())
     bic: dict[str, float] = {name: _bic(f, own, lands, tau, sigma, PARAMETERS[name])

@@ -54,12 +54,15 @@ def held(judge: Judge, tree: Tree) -> Tree:
     """Return the tree without parts that the images do not hold in place, unless they save much.
 
     A motion that only hides what one state's bent depth shows has no edges that must fit: its
-    curvature is that of noise. A plain door in few photos has little more, but saves more.
+    curvature is that of noise, and how far it moves is as good as unknown. A plain door in few
+    photos has little more, but saves more.
     """
     motions = [hypothesis_of(j) for j in tree.joints]
 
     def alone(k: int) -> bool:
-        if tree.joints[k].sigma_axis < LOOSE or k + 1 in tree.parents:
+        joint = tree.joints[k]
+        sure = joint.sigma_axis < LOOSE and np.isfinite(joint.sigma_value)
+        if sure or k + 1 in tree.parents:
             return False
         _, _, gain, price = _gain(judge, motions, k)
         return gain < MUCH * price

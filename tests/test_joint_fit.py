@@ -103,6 +103,14 @@ def test_the_kind_is_right_under_noise_and_from_either_start(name, kind, request
     assert joint.value == pytest.approx(abs(truth.value), rel=0.03)
 
 
+def test_a_carried_part_is_no_screw(screwed):
+    truth, own, lands = noisy(screwed, 0.003, 0)
+    turn = replace(truth, kind=1, pitch=0.0, carrier=np.eye(4))
+    joint = choose_joint(turn, own, lands, TAU, DIAG, 0.8)
+    assert joint.kind != "screw"
+    assert "screw" not in joint.bic
+
+
 def test_a_slide_found_as_a_small_far_turn_becomes_a_slide(slid):
     """About a line 6 units away, 0.05 rad move the block by 0.3 like the slide does."""
     _, own, lands = noisy(slid, 0.002, 1)

@@ -23,8 +23,8 @@ def judge(look_alikes):
 @pytest.fixture(scope="module")
 def parts(look_alikes):
     """Both true joints, and one that is nearly the first and saves nothing beside it."""
-    first, second = (Joint("prismatic", h.axis, h.origin, h.value, sigma_axis=0.5 * LOOSE)
-                     for h in look_alikes.truth)
+    first, second = (Joint("prismatic", h.axis, h.origin, h.value, sigma_axis=0.5 * LOOSE,
+                           sigma_value=1e-3) for h in look_alikes.truth)
     return first, second, replace(first, value=1.01 * first.value)
 
 
@@ -40,6 +40,12 @@ def test_a_part_that_images_do_not_hold_and_that_saves_little_is_left_out(
     left = held(judge, tree_of(judge, look_alikes, first, second, loose))
     assert (left.joints, left.parents, left.known) == ([first, second], (0, 0), (1, 2))
     np.testing.assert_array_equal(left.hard, judge.judge(look_alikes.truth).hard)
+
+
+def test_a_part_whose_way_images_do_not_show_is_not_held(judge, look_alikes, parts):
+    first, second, copy = parts
+    loose = replace(copy, sigma_value=np.inf)
+    assert held(judge, tree_of(judge, look_alikes, first, second, loose)).joints == [first, second]
 
 
 @SIGMAS
