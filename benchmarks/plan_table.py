@@ -74,6 +74,8 @@ def main(words: Sequence[str] | None = None) -> int:
     command = parser()
     command.description = (__doc__ or "").splitlines()[0]
     command.add_argument("--preset", default="standard")
+    command.add_argument("--things", nargs="+", default=[thing.name for thing in THINGS],
+                         help="what is left out; a preset may leave some of it out already")
     args = command.parse_args(words)
     if args.quick:
         args.preset = "draft"
@@ -95,7 +97,8 @@ def main(words: Sequence[str] | None = None) -> int:
 
 def measured(args: argparse.Namespace, name: str) -> list[dict[str, Any]]:
     """Return the rows of one object: as it is, then with every thing switched."""
-    things = THINGS[:1] + THINGS[-1:] if args.quick else THINGS
+    wanted = tuple(thing for thing in THINGS if thing.name in args.things)
+    things = THINGS[:1] + THINGS[-1:] if args.quick else wanted
     base = _row(args, name, Thing(BASE, ()), None)
     return [base, *(_row(args, name, thing, base) for thing in things)]
 

@@ -94,7 +94,7 @@ def _swap(judge: Judge, verdict: Verdict, pool: list[Hypothesis], above: Verdict
 
 def _two_at_once(judge: Judge, best: Verdict, grown: Verdict, pool: list[Hypothesis],
                  say: Callable[[str], None]) -> Verdict:
-    """Return the verdict with two slides more where neither pays alone, `best` if none do.
+    """Return the verdict with two slides more, bodies both, where neither pays alone, else `best`.
 
     Args:
         judge: of the study.
@@ -107,7 +107,7 @@ def _two_at_once(judge: Judge, best: Verdict, grown: Verdict, pool: list[Hypothe
     if two is grown:
         return best
     pays = best.cost - two.cost >= 2 * judge.price(two, best.cost)
-    return two if pays and two.improves(best) else best
+    return two if pays and two.coherent and two.improves(best) else best
 
 
 def _split(judge: Judge, verdict: Verdict, pool: list[Hypothesis],

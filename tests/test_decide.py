@@ -196,7 +196,8 @@ def test_bodies_need_only_cost_less_than_what_is_none(right):
     assert torn.improves(replace(right, surfel_cost=right.surfel_cost + 0.1)), "on the way"
 
 
-def test_two_slides_are_found_where_one_between_them_does_not_pay(judge, right, look_alikes):
+def test_two_slides_are_found_where_one_between_them_does_not_pay(judge, right, look_alikes,
+                                                                  monkeypatch):
     none = judge.judge([])
     axis, origin = look_alikes.truth[0].axis, look_alikes.truth[0].origin
     between = judge.judge([Hypothesis(0, axis, origin, 0.25)])
@@ -207,6 +208,8 @@ def test_two_slides_are_found_where_one_between_them_does_not_pay(judge, right, 
     cheap = replace(right, image_cost=right.image_cost - 1e-4)
     assert _two_at_once(judge, cheap, between, pool, silent) is cheap, "two must pay"
     assert _two_at_once(judge, none, right, pool, silent) is none, "bodies are not split"
+    monkeypatch.setattr("part2gs_robotics.judge.MIN_MET", 2.0)
+    assert _two_at_once(judge, none, between, pool, silent) is none, "both must be bodies"
 
 
 @pytest.mark.parametrize(("met", "images", "improves"), [
