@@ -108,7 +108,7 @@ def legend(groups: dict[tuple[str, str, float], Rows], result: dict[str, Any]) -
                  cv2.LINE_AA)
         _write(image, preset if device == "cpu" else f"{preset}, {device}", (165, 122 + 60 * k))
     objects = count(len({row["object"] for row in result["rows"]}), "object")
-    words = [f"medians over {objects}, bands: quartiles", "missed parts are charged",
+    words = [f"medians over up to {objects}, bands: quartiles", "missed parts are charged",
              "points: 1/16 to 1 of a preset's steps", result["machine"],
              f"commit {result['commit']}"]
     for k, word in enumerate(words):
