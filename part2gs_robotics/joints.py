@@ -25,12 +25,12 @@ class Joint:
         sigma_origin: standard deviation of the axis position, scene units.
         sigma_value: standard deviation of `value`. Of all: NaN = not estimated,
             infinite = the photos do not show it; files hold null for both.
-        sigma_rise: standard deviation of how far a screw rises along its axis, pitch times value,
-            scene units.
         bic: criterion of every joint kind tried, lower is better.
         confidence: 0..1, share of the evidence this joint explains.
         carrier: [4, 4] motion between the states of the part that carries this one, where a joint
             must know it; None = the base.
+        sigma_rise: standard deviation of how far a screw rises along its axis, pitch times value,
+            scene units.
     """
 
     kind: JointKind
@@ -41,10 +41,10 @@ class Joint:
     sigma_axis: float = float("nan")
     sigma_origin: float = float("nan")
     sigma_value: float = float("nan")
-    sigma_rise: float = float("nan")
     bic: dict[str, float] = field(default_factory=dict)
     confidence: float = float("nan")
     carrier: NDArray[np.float64] | None = None
+    sigma_rise: float = float("nan")
 
     def transform(self, q: float) -> NDArray[np.float64]:
         """Return [4, 4] world_at_q_from_world_at_0 of the part for joint position q."""
