@@ -22,7 +22,7 @@ from part2gs_robotics.joints import Joint
 from part2gs_robotics.scene import Scene
 
 if TYPE_CHECKING:
-    from part2gs_robotics.judge import Judge, Verdict
+    from part2gs_robotics.judge import Verdict
     from part2gs_robotics.motion_search import Hypothesis
     from part2gs_robotics.study import Study
 
@@ -192,11 +192,12 @@ def settled_motion(
     from part2gs_robotics.part_labels import labels_under, part_probs, start_labels
     from part2gs_robotics.part_tree import flat
     from part2gs_robotics.physics_terms import part_diagnostics, physical_steps
+    from part2gs_robotics.prune import joint_of
     from part2gs_robotics.small_views import small_views
 
     judge, search = Judge(study), search or SearchConfig()
     verdict = replace(verdict, hard=start_labels(judge, verdict, config))
-    start = _joints(judge, verdict)
+    start = [joint_of(judge, verdict, k) for k in range(len(verdict.motions))]
     one, two = scene.states
     count, side = search.align_views, search.align_side
     views = small_views(one, count, side), small_views(two, count, side)
@@ -223,12 +224,3 @@ def settled_motion(
     clock.tick("identity", 5, len(joints))
     alone = tuple(replace(j, carrier=None) for j in joints)  # the parents say it from here on
     return Motion(probs, alone, parents, diagnostics, notes, clock.seconds)
-
-
-def _joints(judge: Judge, verdict: Verdict) -> list[Joint]:
-    """Return the joint that explains every motion's surfels best."""
-    from part2gs_robotics.joint_fit import choose_joint
-
-    study = judge.study
-    return [choose_joint(h, study.own(verdict.hard, k + 1), judge.lands, study.tau, study.diag,
-                         judge.confidence(verdict, k)) for k, h in enumerate(verdict.motions)]

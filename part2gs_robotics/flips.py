@@ -79,15 +79,7 @@ def turn_of(move: F64, centre: F64, diag: float) -> Hypothesis | None:
         centre: [3] of the part before the motion.
         diag: diagonal of the object in scene units.
     """
-    rotvec = se3.rotvec_from_rotation(move[:3, :3])
-    angle = float(np.linalg.norm(rotvec))
-    if angle < LEAST_TURN:
+    axis, origin, angle, rise = se3.screw_of(move, centre)
+    if angle < LEAST_TURN or abs(rise) > MOST_RISE * diag:
         return None
-    axis = rotvec / angle
-    way = se3.apply(move, centre[None])[0] - centre
-    rise = float(axis @ way)
-    if abs(rise) > MOST_RISE * diag:
-        return None
-    across = way - rise * axis
-    origin = centre + 0.5 * (across + np.cross(axis, across) / np.tan(0.5 * angle))
     return Hypothesis(1, axis, origin, angle)

@@ -212,14 +212,11 @@ def _beside(h: Hypothesis, carrier: F64, own: tuple[Surfels, Surfels]) -> Hypoth
     """Return the motion of one joint on a carrier that is nearest to a motion of the world."""
     rest = se3.inverse(carrier) @ h.move
     centre = np.concatenate([own[0].points, h.origin[None]]).mean(0)
-    turn = se3.rotvec_from_rotation(rest[:3, :3])
-    angle, way = float(np.linalg.norm(turn)), se3.apply(rest, centre) - centre
+    axis, origin, angle, _ = se3.screw_of(rest, centre)
     if angle < LEAST_TURN:
+        way = se3.apply(rest, centre) - centre
         length = float(np.linalg.norm(way))
         return Hypothesis(0, way / length if length else h.axis, centre, length, carrier)
-    axis = turn / angle
-    across = way - axis * (axis @ way)
-    origin = centre + 0.5 * (across + np.cross(axis, across) / np.tan(0.5 * angle))
     return Hypothesis(1, axis, origin, angle, carrier)
 
 

@@ -58,6 +58,28 @@ def screw_motion(axis: F64, origin: F64, turn: float, slide: float) -> F64:
     return make(rot, origin - rot @ origin + slide * axis)
 
 
+def screw_of(motion: F64, near: F64) -> tuple[F64, F64, float, float]:
+    """Return (axis, origin, turn, slide) of a [4, 4] motion; screw_motion makes it again.
+
+    Args:
+        motion: rigid.
+        near: [3] point beside which the origin lies; the origin of a motion without a turn.
+
+    Returns:
+        Unit axis, [3] origin, turn in [0, pi], slide along the axis; of no turn at all the axis
+        is the way, and zeros where nothing moves.
+    """
+    rotvec = rotvec_from_rotation(motion[:3, :3])
+    turn, way = float(np.linalg.norm(rotvec)), apply(motion, near) - near
+    if turn < SMALL_ANGLE:
+        length = float(np.linalg.norm(way))
+        return (way / length if length else way), near, 0.0, length
+    axis = rotvec / turn
+    slide = float(axis @ way)
+    across = way - slide * axis
+    return axis, near + 0.5 * (across + np.cross(axis, across) / np.tan(0.5 * turn)), turn, slide
+
+
 def quat_from_rotation(rot: F64) -> F64:
     """Return the unit quaternion wxyz, w >= 0, of a [3, 3] rotation."""
     from scipy.spatial.transform import Rotation

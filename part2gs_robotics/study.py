@@ -79,7 +79,6 @@ class Study:
         n0 = len(self.surfels[0])
         return hard[:n0][self.nearest[0]], hard[n0:][self.nearest[1]]
 
-
     def own(self, hard: NDArray[np.int64], part: int) -> tuple[Surfels, Surfels]:
         """Return the surfels of both states that have a label, from labels of all surfels."""
         n0 = len(self.surfels[0])

@@ -57,6 +57,29 @@ def test_a_turn_leaves_its_line_in_place_and_a_slide_shifts_along_it(seed):
     assert np.allclose(two, se3.screw_motion(axis, origin, 0.8, 0.5), atol=1e-13)
 
 
+@pytest.mark.parametrize("turn", [1e-3, 1.0, 3.0, np.pi])
+def test_a_screw_is_read_off_its_motion(turn):
+    for axis in AXES:
+        origin, near = RNG.normal(size=3), RNG.normal(size=3)
+        motion = se3.screw_motion(axis, origin, turn, 0.3)
+        found = se3.screw_of(motion, near)
+        assert np.allclose(se3.screw_motion(*found), motion, atol=1e-9)
+        assert np.isclose(found[2], turn)
+        assert np.isclose(abs(found[3]), 0.3, atol=1e-9)
+        gap = found[1] - origin
+        assert np.allclose(gap, axis * (gap @ axis), atol=1e-9 / turn)
+        assert np.isclose(found[0] @ (found[1] - near), 0.0, atol=1e-9)
+
+
+def test_a_motion_without_a_turn_is_a_slide_and_no_motion_has_no_axis():
+    moved = se3.make(np.eye(3), np.array([0.0, 3.0, 4.0]))
+    axis, _, turn, slide = se3.screw_of(moved, RNG.normal(size=3))
+    assert np.allclose(axis, (0.0, 0.6, 0.8))
+    assert turn == 0.0
+    assert np.isclose(slide, 5.0)
+    assert np.array_equal(se3.screw_of(np.eye(4), np.ones(3))[0], np.zeros(3))
+
+
 def test_quaternions_multiply_like_their_matrices():
     rng = np.random.default_rng(1)
     a, b = rng.normal(size=(2, 50, 4))
