@@ -117,6 +117,7 @@ def found_motions(
     moved = len(study.evidence.vacated) + len(study.evidence.arrived)
     total = len(study.surfels[0]) + len(study.surfels[1])
     logger.info("evidence: %d of %d surfels left their place or are new in it", moved, total)
+    logger.info(study.light.told())
     if moved < MIN_EVIDENCE * total:
         raise FitError(
             f"{scene.path}: only {moved} of {total} surface points moved between the states. "

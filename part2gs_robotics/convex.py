@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
 from part2gs_robotics.convex_planes import (
     Cut,
@@ -29,6 +30,10 @@ if TYPE_CHECKING:
 F64 = NDArray[np.float64]
 CONVEX = 0.01  # hull sticks out by less than 1 % of the volume: convex
 STICKS_OUT = 0.5  # of the tolerance, mean over the hull's surface: convex enough
+OPEN = 0.5  # of the hull empty: a noisy board's is a third at most, a sliced frame's five sixths
+FAR = 3.0  # tolerances from the surface: an opening, not noise of a wall
+GAPING = 0.25  # of the hull's surface so far away: more lets nothing through where the part does
+PROBES = 400, 4000  # points on the hull and on the piece: the latter lie half a tolerance apart
 SIMPLER = 0.25  # of the tolerance: noise below it is not worth a cut
 FEW_FACES = 6000  # cuts cost 10 ms on so many
 CRUMB = 1e-5  # of the volume: dropped
@@ -153,7 +158,32 @@ def _excess(piece: Manifold, tolerance: float) -> float:
     hull = piece.hull()
     gap = float(hull.volume() - piece.volume())
     allowed = max(CONVEX * piece.volume(), STICKS_OUT * tolerance * hull.surface_area())
-    return gap if gap > allowed else 0.0
+    return gap if gap > allowed or _gaping(piece, hull, tolerance) else 0.0
+
+
+def _gaping(piece: Manifold, hull: Manifold, tolerance: float) -> bool:
+    """Return whether the hull closes an opening that is wide, however thin the piece.
+
+    A slice of a frame has little empty volume in its hull, and yet nothing goes through it.
+    """
+    if piece.volume() > (1 - OPEN) * hull.volume():
+        return False
+    rng = np.random.default_rng(0)
+    outer, own = (_sprinkled(solid, count, rng)
+                  for solid, count in zip((hull, piece), PROBES, strict=True))
+    spacing = float(np.sqrt(piece.surface_area() / PROBES[1]))
+    away = cKDTree(own).query(outer, distance_upper_bound=FAR * tolerance + spacing)[0]
+    return bool((away == np.inf).mean() > GAPING)
+
+
+def _sprinkled(solid: Manifold, count: int, rng: np.random.Generator) -> F64:
+    """Return [count, 3] points spread evenly over a surface."""
+    raw = solid.to_mesh64()
+    tri = np.array(raw.vert_properties[:, :3])[np.array(raw.tri_verts, np.int64)]
+    areas = np.linalg.norm(np.cross(tri[:, 1] - tri[:, 0], tri[:, 2] - tri[:, 0]), axis=1)
+    tri = tri[rng.choice(len(tri), count, p=areas / areas.sum())]
+    side, up = np.sqrt(rng.random(count))[:, None], rng.random(count)[:, None]
+    return np.asarray((1 - side) * tri[:, 0] + side * (1 - up) * tri[:, 1] + side * up * tri[:, 2])
 
 
 def _best_split(

@@ -14,6 +14,7 @@ from part2gs_robotics import se3
 from part2gs_robotics.gaussians import Gaussians
 from part2gs_robotics.render import render
 from part2gs_robotics.render_jit import parallel_kernel
+from part2gs_robotics.shading import Light
 from part2gs_robotics.small_views import SmallViews
 from part2gs_robotics.workspace import Workspace
 
@@ -39,7 +40,8 @@ def move_gaussians(
 
 
 def cross_cost(
-    source: Gaussians, labels: NDArray[np.int64], moves: list[F64], views: SmallViews
+    source: Gaussians, labels: NDArray[np.int64], moves: list[F64], views: SmallViews,
+    colors: NDArray[np.float32] | None = None,
 ) -> float:
     """Return the mean cost per object pixel, 0 = the moved Gaussians look as photographed.
 
@@ -48,9 +50,11 @@ def cross_cost(
         labels: [N] part of each.
         moves: [4, 4] per label into the state of the views; moves[0] is the identity.
         views: small views of the other state.
+        colors: [N, 3] of the Gaussians where they have moved to; None = as they are.
     """
     means, quats = move_gaussians(source, labels, moves)
-    arrays = (means, quats, source.scales, source.opacities, source.colors)
+    colors = source.colors if colors is None else colors
+    arrays = (means, quats, source.scales, source.opacities, colors)
     total, work = 0.0, Workspace()
     for v in range(len(views.colors)):
         height, width = views.alphas[v].shape
@@ -83,17 +87,19 @@ def both_cost(
     moves: list[F64],
     views: tuple[SmallViews, SmallViews],
     source_weight: tuple[float, float],
+    light: Light | None = None,
 ) -> float:
     """Return the weighted cross cost of state 0 shown as state 1 and of state 1 shown as state 0.
 
     The weights favour the richer state as the source (Part2GS eq. 3): a closed cabinet cannot show
-    the inside of its drawers, an open one can show how it looks closed.
+    the inside of its drawers, an open one can show how it looks closed. Turned parts are as bright
+    as the light makes them.
     """
     total = 0.0
     for source, weight in enumerate(source_weight):
         if weight > 0.02:  # a direction that counts for less than 2 % is not worth its renders
             there = moves if source == 0 else [se3.inverse(m) for m in moves]
-            total += weight * cross_cost(
-                gaussians[source], labels[source], there, views[1 - source]
-            )
+            pair = gaussians[source], labels[source]
+            colors = light.colors(source, *pair, there) if light else None
+            total += weight * cross_cost(*pair, there, views[1 - source], colors)
     return total

@@ -8,7 +8,7 @@ from itertools import combinations
 
 import numpy as np
 
-from part2gs_robotics.flips import righted
+from part2gs_robotics.flips import calmed, righted
 from part2gs_robotics.judge import Judge, Verdict
 from part2gs_robotics.motion_search import Hypothesis
 from part2gs_robotics.screws import risen
@@ -55,7 +55,8 @@ def decide(
                 break
             grown = two
             say(f"one slide was two: {len(grown.motions)} parts: cost {grown.cost:.4f}")
-        best, solid = grown, grown if grown.coherent else solid
+        best = calmed(judge, grown, pool, say)
+        solid = best if best.coherent else solid
     if not best.coherent:
         bodies = judge.bodies(best)
         solid = min(solid, bodies, key=lambda v: v.cost)

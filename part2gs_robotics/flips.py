@@ -3,6 +3,8 @@
 A panel turned about its hinge, and turned half a turn further or less about a line in the air,
 ends in one place with its ends exchanged. A search ranks motions of small patches, and where
 shadows move the wrong one may be all it keeps. Once parts are known both compete before the images.
+A part that looks the same after half a turn leaves the images no choice: then the lesser turn is
+the likelier.
 """
 
 from __future__ import annotations
@@ -22,7 +24,10 @@ F64 = NDArray[np.float64]
 FEWEST = 50  # surfels of both states: fewer have no middle and no axes of their own
 MOST_RISE = 0.05  # of the diagonal: a part's middle is known so well; more is no turn
 UPRIGHT = 0.1  # sine: a panel that turns in its own plane has no way across of its own
-LEAST_TURN = np.deg2rad(5.0)  # less has no axis worth the name
+LEAST_TURN = np.deg2rad(5.0)  # less has no axis worth the name, and may be a slide
+LARGE = np.deg2rad(90.0)  # a lesser turn has no other way round that turns less
+LESSER = 0.5  # of a turn: what turns nearly as far is no likelier
+ALIKE = 0.02  # of the cost: a blade's slide was 0.9 % worse than its half turn, a lid's 20 %
 
 
 def righted(judge: Judge, verdict: Verdict, say: Callable[[str], None]) -> Verdict:
@@ -42,13 +47,43 @@ def righted(judge: Judge, verdict: Verdict, say: Callable[[str], None]) -> Verdi
             continue
         for guess in _flips(h, own, judge.study.diag):
             new = refine(guess, own, judge.lands, judge.study.taus, 4)
-            if arm_of(new, own) > near:
+            if not new.kind or arm_of(new, own) > near:
                 continue
             trial = judge.judge([*best.motions[:k], new, *best.motions[k + 1:]])
             if trial.cost < best.cost:
                 say(f"part {k + 1} the other way round: cost {trial.cost:.4f}, "
                     f"{best.cost - trial.cost:.4f} less")
                 best = trial
+    return best
+
+
+def calmed(judge: Judge, verdict: Verdict, pool: list[Hypothesis], say: Callable[[str], None],
+           ) -> Verdict:
+    """Return the verdict with large turns of parts that look alike after half a turn made less.
+
+    Args:
+        judge: of the study.
+        verdict: decided.
+        pool: hypotheses, that compete with what half a turn of the part makes of its motion.
+        say: told of every turn that changes.
+    """
+    best = verdict
+    for k, h in enumerate(verdict.motions):
+        if h.kind != 1 or h.carrier is not None or abs(h.value) < LARGE:
+            continue
+        own = judge.study.own(best.hard, k + 1)
+        turned = [refine(guess, own, judge.lands, judge.study.taus, 4)
+                  for guess in _flips(h, own, judge.study.diag)]
+        less = [new for new in (*turned, *pool)
+                if not new.kind or abs(new.value) < LESSER * abs(h.value)]
+        if not less:
+            continue
+        trial = judge.polished(judge.best_of(
+            [[*best.motions[:k], new, *best.motions[k + 1:]] for new in less]))
+        if trial.coherent and trial.cost < (1 + ALIKE) * best.cost:
+            say(f"part {k + 1} looks alike after half a turn: it moves less; cost "
+                f"{trial.cost:.4f}, was {best.cost:.4f}")
+            best = trial
     return best
 
 
@@ -66,13 +101,13 @@ def _flips(h: Hypothesis, own: tuple[Surfels, Surfels], diag: float) -> list[Hyp
     frame = np.stack([h.axis, across, np.cross(h.axis, across)])
     local = points @ frame.T
     centre = frame.T @ (0.5 * (local.min(0) + local.max(0)))
-    turns = (turn_of(h.own @ se3.screw_motion(axis, centre, np.pi, 0.0), centre, diag)
+    found = (joint_near(h.own @ se3.screw_motion(axis, centre, np.pi, 0.0), centre, diag)
              for axis in frame)
-    return [turn for turn in turns if turn is not None]
+    return [joint for joint in found if joint is not None]
 
 
-def turn_of(move: F64, centre: F64, diag: float) -> Hypothesis | None:
-    """Return the turn that a [4, 4] motion nearly is, None if it is none.
+def joint_near(move: F64, centre: F64, diag: float) -> Hypothesis | None:
+    """Return the turn or the slide that a [4, 4] motion nearly is, None if it is none.
 
     Args:
         move: of a part.
@@ -80,6 +115,10 @@ def turn_of(move: F64, centre: F64, diag: float) -> Hypothesis | None:
         diag: diagonal of the object in scene units.
     """
     axis, origin, angle, rise = se3.screw_of(move, centre)
-    if angle < LEAST_TURN or abs(rise) > MOST_RISE * diag:
+    if angle < LEAST_TURN:
+        way = se3.apply(move, centre) - centre
+        length = float(np.linalg.norm(way))
+        return Hypothesis(0, way / length, centre, length) if length else None
+    if abs(rise) > MOST_RISE * diag:
         return None
     return Hypothesis(1, axis, origin, angle)

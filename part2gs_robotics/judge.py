@@ -166,6 +166,7 @@ class Judge:
             [np.eye(4), *(h.move for h in motions)],
             self.study.views,
             self.study.source_weight,
+            self.study.light,
         )
         met = float(self.met(motions, hard).min(initial=1.0))
         return Verdict(tuple(motions), hard, surfel_cost, image, met, self.air(motions, hard))

@@ -115,7 +115,8 @@ def _alternate(
 def _cost(judge: Judge, joints: list[Joint], hard: Labels, views: Views) -> float:
     moves = [np.eye(4), *(move_of(j) for j in joints)]
     study = judge.study
-    return both_cost(study.gaussians, study.gaussian_labels(hard), moves, views, (0.5, 0.5))
+    labels = study.gaussian_labels(hard)
+    return both_cost(study.gaussians, labels, moves, views, (0.5, 0.5), study.light)
 
 
 def _follow(joint: Joint, motion: Hypothesis) -> Joint:

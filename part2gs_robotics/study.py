@@ -18,6 +18,7 @@ from part2gs_robotics.labelling import Graph, build_graph
 from part2gs_robotics.landing import Landing, build_landing
 from part2gs_robotics.motion_select import FINE_TAU, Evidence
 from part2gs_robotics.scene import Scene
+from part2gs_robotics.shading import Light, light_of, unshaded
 from part2gs_robotics.small_views import SmallViews, small_views
 from part2gs_robotics.surfels import Surfels, fuse_surfels, sampling
 
@@ -37,6 +38,7 @@ class Study:
         evidence: vacated and arrived surfels.  graph: of all surfels, state 1 after state 0.
         nearest: per state, [N_s] the surfel nearest to every Gaussian.
         views: small views of both states.  box: corners of the object.  diag: its diagonal.
+        light: how bright a face is by the way it looks; colours of surfels are without it.
     """
 
     gaussians: tuple[Gaussians, Gaussians]
@@ -49,6 +51,7 @@ class Study:
     views: tuple[SmallViews, SmallViews]
     box: tuple[F64, F64]
     diag: float
+    light: Light
 
     @property
     def source_weight(self) -> tuple[float, float]:
@@ -110,8 +113,10 @@ def gather(scene: Scene, gaussians: tuple[Gaussians, Gaussians],
         np.linalg.norm(np.quantile(solid, 0.998, axis=0) - np.quantile(solid, 0.002, axis=0))
     )
     size = config.surfel_size
-    surfels = [_own_surface(maps[s], scene.states[s].images, rough, size) for s in (0, 1)]
-    _require_surface(surfels[0].points, surfels[1].points)
+    painted = [_own_surface(maps[s], scene.states[s].images, rough, size) for s in (0, 1)]
+    _require_surface(painted[0].points, painted[1].points)
+    shades = light_of((painted[0], painted[1]))
+    surfels = [unshaded(s, shades) for s in painted]
     points = np.concatenate([s.points for s in surfels])
     lo, hi = points.min(0), points.max(0)
     diag = float(np.linalg.norm(hi - lo))
@@ -121,6 +126,7 @@ def gather(scene: Scene, gaussians: tuple[Gaussians, Gaussians],
         np.asarray(cKDTree(surfels[s].points).query(gaussians[s].means)[1], np.int64)
         for s in (0, 1)
     ]
+    normals = [surfels[s].normals[nearest[s]] for s in (0, 1)]
     views = [small_views(state, config.proof_views, config.proof_side) for state in scene.states]
     pair = surfels[0], surfels[1]
     return Study(
@@ -134,6 +140,7 @@ def gather(scene: Scene, gaussians: tuple[Gaussians, Gaussians],
         (views[0], views[1]),
         (lo, hi),
         diag,
+        Light(shades, (normals[0], normals[1])),
     )
 
 

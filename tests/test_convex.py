@@ -65,6 +65,23 @@ def test_noisy_boards_stay_within_the_tolerance(index: int) -> None:
     assert found.missing < 0.15 * found.volume
 
 
+def tube(start: tuple[float, ...], end: tuple[float, ...]) -> manifold3d.Manifold:
+    """Round bar between two points, ends rounded."""
+    balls = [manifold3d.Manifold.sphere(0.012, 16).translate(p) for p in (start, end)]
+    return manifold3d.Manifold.batch_hull(balls)
+
+
+def test_a_frame_of_bars_stays_open() -> None:
+    """Legs of a chair: slices along the frame are thin, and their hulls close what it encloses."""
+    bars = [((-0.2, -0.2, 0), (-0.2, 0.15, 0.8)), ((0.2, -0.2, 0), (0.2, 0.15, 0.8)),
+            ((-0.2, -0.2, 0), (0.2, -0.2, 0)), ((-0.2, 0.13, 0.76), (0.2, 0.13, 0.76))]
+    solid = manifold3d.Manifold.batch_boolean([tube(*b) for b in bars], manifold3d.OpType.Add)
+    mesh = noisy(to_mesh(solid), 0.01, 0.001)
+    pieces = convex_pieces(mesh, tolerance=0.003)
+    assert bound(mesh, pieces).phantom < 0.2 * solid.volume()  # the slices had 2.3 times as much
+    assert len(pieces) <= 16
+
+
 def test_every_piece_is_convex_and_accepted_by_the_engine(tmp_path: Path) -> None:
     twin = toy_cabinet_twin(1)
     mesh = noisy(twin.parts[1].mesh, 0.02, 0.001)

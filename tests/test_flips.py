@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from part2gs_robotics import se3
-from part2gs_robotics.flips import righted, turn_of
+from part2gs_robotics.flips import joint_near, righted
 from part2gs_robotics.judge import INCOHERENT, NEAR, Judge
 from part2gs_robotics.motion_search import Hypothesis
 from part2gs_robotics.study import gather
@@ -32,7 +32,7 @@ def judge(toy):
 
 
 def test_a_door_with_its_ends_exchanged_is_put_right(judge):
-    wrong = turn_of(TRUTH.move @ se3.screw_motion(TRUTH.axis, MIDDLE, np.pi, 0.0), MIDDLE, 1.0)
+    wrong = joint_near(TRUTH.move @ se3.screw_motion(TRUTH.axis, MIDDLE, np.pi, 0.0), MIDDLE, 1.0)
     assert np.linalg.norm((wrong.origin - TRUTH.origin)[:2]) > 0.2
     said = []
     found = righted(judge, judge.judge([wrong]), said.append)
@@ -60,21 +60,24 @@ def test_what_is_right_stays_and_slides_have_no_other_way_round(judge):
 def test_a_turn_is_the_turn_that_it_is(angle):
     axis = np.array([1.0, 2, -0.5]) / np.linalg.norm([1.0, 2, -0.5])
     origin, centre = np.array([0.3, -0.2, 0.4]), np.array([0.1, 0.2, 0.3])
-    found = turn_of(se3.screw_motion(axis, origin, angle, 0.0), centre, DIAG)
+    found = joint_near(se3.screw_motion(axis, origin, angle, 0.0), centre, DIAG)
     assert np.allclose(found.move, se3.screw_motion(axis, origin, angle, 0.0), atol=1e-9)
 
 
-def test_what_is_no_turn_is_none():
+def test_a_screw_is_no_joint_and_what_hardly_turns_is_a_slide():
     axis, centre = np.array([0.0, 0, 1]), np.zeros(3)
-    assert turn_of(se3.screw_motion(axis, centre, 1.0, 0.2 * DIAG), centre, DIAG) is None
-    assert turn_of(se3.make(np.eye(3), axis), centre, DIAG) is None
+    assert joint_near(se3.screw_motion(axis, centre, 1.0, 0.2 * DIAG), centre, DIAG) is None
+    assert joint_near(np.eye(4), centre, DIAG) is None
+    slide = joint_near(se3.make(np.eye(3), 0.3 * axis), centre, DIAG)
+    assert slide.kind == 0
+    assert np.allclose(slide.move[:3, 3], 0.3 * axis)
 
 
 def test_a_hinge_in_the_air_costs_more_than_it_leaves(judge):
     right = judge.judge([TRUTH])
     assert right.air == 0.0
     assert right.cost == pytest.approx(right.surfel_cost + right.image_cost)
-    wrong = turn_of(TRUTH.move @ se3.screw_motion(TRUTH.axis, MIDDLE, np.pi, 0.0), MIDDLE, 1.0)
+    wrong = joint_near(TRUTH.move @ se3.screw_motion(TRUTH.axis, MIDDLE, np.pi, 0.0), MIDDLE, 1.0)
     there = judge.judge([wrong])
     assert there.air > 0.8
     assert there.cost >= there.surfel_cost + there.image_cost + 0.8 * INCOHERENT
