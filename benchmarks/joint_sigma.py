@@ -1,14 +1,15 @@
 """Simulated alignments: how often the truth lies inside the 90 % intervals of a joint.
 
-Every draw is an object of textured boxes: a base with a door or a drawer, its joint, its place in
-the world and its cameras all random. Photos of both states are drawn from the true Gaussians;
-`align` starts from a wrong joint. Two conditions:
+Every draw is an object of textured boxes: a base with a door, a drawer or a door that rises as it
+turns, its joint, its place in the world and its cameras all random. Photos of both states are drawn
+from the true Gaussians; `align` starts from a wrong joint. Two conditions:
 
 - pixels: the Gaussians are true, every colour of every photo has noise of a few grey levels.
 - geometry: besides, the Gaussians of each state are bent by a smooth random field of their own and
   miscoloured in patches, as fits are: errors that all views share.
 
-Run: NUMBA_NUM_THREADS=1 python benchmarks/joint_sigma.py [draws] [json]   (about 6 min on one core)
+Run: NUMBA_NUM_THREADS=1 python benchmarks/joint_sigma.py [draws of a kind] [json]
+(200 of each: about 18 min on one core)
 """
 
 from __future__ import annotations
@@ -37,7 +38,8 @@ I64 = NDArray[np.int64]
 GREY = 1 / 255
 LINE = 1.645  # 90 % of a normal variable lie within
 DISC = 1.58  # times the root of the summed variances: 89 % (a line) to 92 % (a round normal) within
-QUANTITIES = {"axis": DISC, "origin": DISC, "value": LINE}
+QUANTITIES = {"axis": DISC, "origin": DISC, "value": LINE, "rise": LINE}
+KINDS = ("revolute", "prismatic", "screw")
 
 
 @dataclass(frozen=True)
@@ -118,9 +120,9 @@ def random_rotation(rng: np.random.Generator) -> F64:
 
 
 def draw(kind: str, rng: np.random.Generator, count: int = 8, side: int = 72) -> Draw:
-    """Return a random base with a door (revolute) or a drawer (prismatic)."""
+    """Return a random base with a door (revolute, or a screw, which rises) or a drawer."""
     size = rng.uniform(0.35, 0.6, 3)
-    thick = rng.uniform(0.05, 0.12) if kind == "revolute" else rng.uniform(0.15, 0.3)
+    thick = rng.uniform(0.15, 0.3) if kind == "prismatic" else rng.uniform(0.05, 0.12)
     lo, hi = np.array([0.0, -thick, 0.0]), np.array([size[0], -0.005, size[2]])
     lo[2], hi[0] = rng.uniform(0, 0.3) * size[2], rng.uniform(0.7, 1.0) * size[0]
     spacing = 0.055
@@ -128,9 +130,11 @@ def draw(kind: str, rng: np.random.Generator, count: int = 8, side: int = 72) ->
     both = joined(*parts)
     labels = np.repeat([0, 1], [len(p) for p in parts])
     tilt = se3.rotation_from_rotvec(rng.normal(scale=0.1, size=3))
-    if kind == "revolute":
+    if kind != "prismatic":
         origin = np.array([0.0, -thick / 2, 0.5 * (lo[2] + hi[2])]) + rng.normal(scale=0.02, size=3)
         joint = Joint(kind, tilt @ np.array([0.0, 0, -1]), origin, float(rng.uniform(0.35, 1.5)))
+        if kind == "screw":
+            joint = replace(joint, pitch=float(rng.uniform(0.03, 0.15)) / joint.value)
     else:
         joint = Joint("prismatic", tilt @ np.array([0.0, -1, 0]), 0.5 * (lo + hi),
                       float(rng.uniform(0.08, 0.3)))
@@ -155,9 +159,11 @@ def wrong(truth: Joint, diag: float, rng: np.random.Generator) -> Joint:
     tilt = se3.rotation_from_rotvec(rng.normal(scale=np.deg2rad(0.5), size=3))
     off = rng.normal(scale=0.005 * diag, size=3)
     off -= truth.axis * (truth.axis @ off)
-    scale = 1.0 if truth.kind == "revolute" else diag
+    scale = diag if truth.kind == "prismatic" else 1.0
+    rise = 0.005 * diag * rng.normal() if truth.kind == "screw" else 0.0
     return replace(truth, axis=tilt @ truth.axis, origin=truth.origin + off,
-                   value=truth.value + rng.normal(scale=0.005) * scale)
+                   value=truth.value + rng.normal(scale=0.005) * scale,
+                   pitch=truth.pitch + rise / truth.value)
 
 
 def photos(d: Draw, grey: float, rng: np.random.Generator) -> tuple[SmallViews, SmallViews]:
@@ -194,8 +200,10 @@ def errors(found: Joint, truth: Joint) -> dict[str, float]:
     return {
         "axis": float(np.arctan2(np.linalg.norm(np.cross(found.axis, truth.axis)),
                                  found.axis @ truth.axis)),
-        "origin": float(np.linalg.norm(off)) if truth.kind == "revolute" else float("nan"),
+        "origin": float("nan") if truth.kind == "prismatic" else float(np.linalg.norm(off)),
         "value": abs(found.value - truth.value),
+        "rise": abs(found.pitch * found.value - truth.pitch * truth.value)
+        if truth.kind == "screw" else float("nan"),
     }
 
 
@@ -228,7 +236,7 @@ def summary(rows: dict[str, F64]) -> dict[str, float]:
     """Return the share inside the 90 % intervals and the root mean square of the ratios."""
     out: dict[str, float] = {}
     for q, width in QUANTITIES.items():
-        some = rows[q][~np.isnan(rows[q])]  # a slide has no axis position
+        some = rows[q][~np.isnan(rows[q])]  # a slide has no axis position, a turn no rise
         known = some[some > 0]  # an infinite standard deviation promises nothing
         if len(known):
             out[f"{q}_unobservable"] = len(some) - len(known)
@@ -241,17 +249,19 @@ def main() -> None:
     """Write a table, and the JSON if a path is given."""
     count = int(sys.argv[1]) if len(sys.argv) > 1 else 200
     result: dict[str, dict[str, float]] = {}
-    sys.stdout.write("| condition | axis | origin | value |\n|---|---|---|---|\n")
+    sys.stdout.write("| condition | axis | origin | value | rise |\n|---|---|---|---|---|\n")
     for condition in ("pixels", "geometry"):
-        kinds = [ratios(kind, condition, count // 2) for kind in ("revolute", "prismatic")]
-        result[f"{condition}_revolute"], result[f"{condition}_prismatic"] = map(summary, kinds)
+        kinds = [ratios(kind, condition, count) for kind in KINDS]
+        result |= {f"{condition}_{kind}": summary(rows)
+                   for kind, rows in zip(KINDS, kinds, strict=True)}
         whole = summary({q: np.concatenate([k[q] for k in kinds]) for q in kinds[0]})
         result[condition] = whole
         shares = " | ".join(f"{100 * whole[f'{q}_inside']:.0f} %" for q in QUANTITIES)
         sys.stdout.write(f"| {condition} | {shares} |\n")
         sys.stdout.flush()
     if len(sys.argv) > 2:
-        text = json.dumps({"draws": count, "interval": 0.9, "conditions": result}, indent=1)
+        found = {"draws_of_a_kind": count, "interval": 0.9, "conditions": result}
+        text = json.dumps(found, indent=1)
         Path(sys.argv[2]).write_text(text + "\n")
 
 

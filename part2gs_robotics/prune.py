@@ -58,17 +58,18 @@ def held(judge: Judge, tree: Tree) -> Tree:
     photos has little more, but saves more.
     """
     motions = [hypothesis_of(j) for j in tree.joints]
+    sure = [j.sigma_axis < LOOSE and np.isfinite(j.sigma_value) for j in tree.joints]
+    if not any(sure):  # plain parts: photos that hold none in place do not tell
+        return tree
 
     def alone(k: int) -> bool:
-        joint = tree.joints[k]
-        sure = joint.sigma_axis < LOOSE and np.isfinite(joint.sigma_value)
-        if sure or k + 1 in tree.parents:
+        if sure[k] or k + 1 in tree.parents:
             return False
         _, _, gain, price = _gain(judge, motions, k)
         return gain < MUCH * price
 
     loose = [alone(k) for k in range(len(tree.joints))]
-    if not any(loose) or all(loose):
+    if not any(loose):
         return tree
     keep = [k for k, away in enumerate(loose) if not away]
     for k in np.flatnonzero(loose):

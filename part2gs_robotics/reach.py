@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import dijkstra
 
+from part2gs_robotics.islands import joined
 from part2gs_robotics.joint_fit import move_of
 from part2gs_robotics.joints import Joint
 from part2gs_robotics.judge import Judge
@@ -50,6 +51,7 @@ def claim(judge: Judge, joints: list[Joint], hard: Labels) -> tuple[Labels, F64]
         extra = _far(_cores(proofs, study.graph), surface, study.diag)
         extra += _passing(study, costs, proofs, joints)
         hard, _ = label(Unary(unary.match, unary.target, unary.miss, extra), study.graph)
+    hard = joined(hard, unary, study.graph)
     costs = unary.cost(np.eye(len(moves))[hard]) + extra
     return hard, costs
 

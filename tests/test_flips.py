@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from part2gs_robotics import se3
-from part2gs_robotics.flips import joint_near, righted
+from part2gs_robotics.flips import calmed, joint_near, righted
 from part2gs_robotics.judge import INCOHERENT, NEAR, Judge
 from part2gs_robotics.motion_search import Hypothesis
 from part2gs_robotics.study import gather
@@ -91,3 +91,46 @@ def test_the_air_grows_with_the_gap(judge, gap, air):
     edge = judge.study.own(hard, 1)[0].points[:, 0].min()
     origin = np.array([edge - gap * NEAR * judge.study.diag, -0.03, 0.0])
     assert judge.air([replace(TRUTH, origin=origin)], hard) == pytest.approx(air, abs=0.15)
+
+
+def bar_on_a_board(toy, move, plain):
+    """A bar that lies on a board and moves, in paint of its own or in one colour."""
+    board = toy.Box((0, 0, 0), (1.0, 0.8, 0.1), 1)
+    bar = toy.Box((0.1, 0.3, 0.1), (0.5, 0.45, 0.3), 3)
+    pair = []
+    for at in (np.eye(4), move):
+        g, labels = toy.gaussians_of([board, replace(bar, move=at)], 0.035)
+        if plain:
+            g.sh0[labels == 1] = g.sh0[labels == 1].mean(0)
+        pair.append(g)
+    eyes = toy.cameras(16, 56, np.array([0.5, 0.4, 0.2]), 1.2)
+    scene = toy.scene_of(tuple(toy.drawn(g, *eyes, 56) for g in pair))
+    return Judge(gather(scene, (pair[0], pair[1])))
+
+
+SLIDE = Hypothesis(0, np.array([1.0, 0, 0]), np.array([0.3, 0.375, 0.2]), 0.35)
+HALF_TURN = Hypothesis(1, np.array([0.0, 0, 1]), np.array([0.475, 0.375, 0.2]), np.pi)
+
+
+@pytest.mark.parametrize("pool", [[], [SLIDE]])
+def test_a_plain_bar_slides_rather_than_turns_end_for_end(toy, pool):
+    judge = bar_on_a_board(toy, SLIDE.move, plain=True)
+    turned, slid = judge.judge([HALF_TURN]), judge.judge([SLIDE])
+    assert abs(turned.cost - slid.cost) < 0.05 * slid.cost  # the photos hardly tell
+    said = []
+    found, = calmed(judge, turned, pool, said.append).motions
+    assert len(said) == 1
+    assert found.kind == 0
+    assert np.allclose(found.axis * found.value, SLIDE.axis * SLIDE.value, atol=0.02)
+
+
+def test_a_bar_whose_paint_shows_that_it_turned_has_turned(toy):
+    judge = bar_on_a_board(toy, HALF_TURN.move, plain=False)
+    verdict = judge.judge([HALF_TURN])
+    assert calmed(judge, verdict, [SLIDE], pytest.fail) is verdict
+
+
+def test_small_turns_have_no_lesser_way(judge, monkeypatch):
+    verdict = judge.judge([TRUTH])
+    monkeypatch.setattr(judge, "judge", lambda _motions: pytest.fail("nothing is tried"))
+    assert calmed(judge, verdict, [TRUTH], pytest.fail) is verdict

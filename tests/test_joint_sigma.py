@@ -30,7 +30,7 @@ def sigmas(joint):
 
 @pytest.mark.slow
 def test_the_truth_lies_inside_nine_of_ten_intervals(sim):
-    rows = [sim.ratios(kind, "pixels", 30, first=5000) for kind in ("revolute", "prismatic")]
+    rows = [sim.ratios(kind, "pixels", 30, first=5000) for kind in sim.KINDS]
     for quantity, width in sim.QUANTITIES.items():
         ratio = np.concatenate([r[quantity] for r in rows])
         ratio = ratio[~np.isnan(ratio)]
@@ -41,7 +41,7 @@ def test_the_truth_lies_inside_nine_of_ten_intervals(sim):
 
 @pytest.mark.slow
 def test_bent_gaussians_widen_the_intervals_as_far_as_the_errors(sim):
-    ratio = sim.ratios("revolute", "geometry", 30, first=5000)
+    ratio = sim.ratios("screw", "geometry", 30, first=5000)
     for quantity in sim.QUANTITIES:
         assert 0.7 < np.sqrt(np.mean(ratio[quantity] ** 2)) < 1.8, quantity
 

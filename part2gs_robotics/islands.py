@@ -1,0 +1,74 @@
+"""Islands: patches of one part amid another that could as well be the other's.
+
+The plain top of a seat that turns about its middle looks as if it had stayed: still, it lies as
+well as turned. It is a sheet in the air then, held by nothing of its own part.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_matrix
+from scipy.sparse.csgraph import connected_components
+
+from part2gs_robotics.labelling import Graph, Unary
+
+Labels = NDArray[np.int64]
+LINKED = 0.3  # weight of neighbours on one face: across a right angle it is 0.25 at most
+AMID = 0.7  # of the neighbours around a face: another part has it all but surrounded
+TIE = 0.05  # mean landing cost, a colour step: what one label explains better than the other
+ROUNDS = 3  # patches of both states vouch for each other; those that fail take others along
+
+
+def joined(hard: Labels, unary: Unary, graph: Graph) -> Labels:
+    """Return labels [N0 + N1] with islands given to what surrounds them, if they fit as well there.
+
+    Args:
+        hard: [N0 + N1] labels.
+        unary: landing under every label.
+        graph: neighbours, state 1 after state 0.
+    """
+    patches, wanted = _islands(hard, graph)
+    if not len(wanted):
+        return hard
+    before = _own(unary, hard)
+    for _ in range(ROUNDS):
+        new = hard.copy()
+        inside = patches >= 0
+        new[inside] = wanted[patches[inside]]
+        worse = (_own(unary, new) - before)[inside]
+        sums, sizes = (np.bincount(patches[inside], w, len(wanted)) for w in (worse, None))
+        bad = (sizes > 0) & (sums > TIE * sizes)
+        if not bad.any():
+            return new
+        patches = np.where(inside & bad[patches], -1, patches)
+    return hard
+
+
+def _islands(hard: Labels, graph: Graph) -> tuple[Labels, Labels]:
+    """Return [N] number of the island of every surfel, -1 = none, and the labels around each.
+
+    An island is what of a smooth face has one label, and smaller than the largest face beside it.
+    """
+    rows = np.repeat(np.arange(len(hard)), graph.neighbors.shape[1])
+    cols = graph.neighbors.ravel()
+    linked = (hard[rows] == hard[cols]) & (graph.weights.ravel() > LINKED)
+    links = csr_matrix((np.ones(linked.sum()), (rows[linked], cols[linked])), (len(hard),) * 2)
+    total, face = connected_components(links, directed=False)
+    out = face[rows] != face[cols]
+    one, two = np.r_[rows[out], cols[out]], np.r_[cols[out], rows[out]]
+    around, beside = np.zeros((total, hard.max() + 1)), np.zeros(total)
+    np.add.at(around, (face[one], hard[two]), 1.0)
+    wanted, sizes = around.argmax(1), np.bincount(face)
+    theirs = hard[two] == wanted[face[one]]
+    np.maximum.at(beside, face[one[theirs]], sizes[face[two[theirs]]])
+    own = hard[np.unique(face, return_index=True)[1]]
+    amid = (wanted != own) & (around.max(1) >= AMID * around.sum(1)) & (sizes < beside)
+    number = np.where(amid, np.cumsum(amid) - 1, -1)
+    return number[face], wanted[amid]
+
+
+def _own(unary: Unary, hard: Labels) -> NDArray[np.float64]:
+    """Return [N] landing cost of every surfel under its label."""
+    costs = unary.cost(np.eye(unary.match.shape[1])[hard])
+    return np.asarray(costs[np.arange(len(hard)), hard])
