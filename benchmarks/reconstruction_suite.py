@@ -125,8 +125,8 @@ def summary_row(row: dict[str, Any]) -> dict[str, object]:
     }
 
 
-def markdown(result: dict[str, Any]) -> str:
-    """Return the README's table and one line on how it was made."""
+def markdown(result: dict[str, Any], script: str = "benchmarks/reconstruction_suite.py") -> str:
+    """Return a table of results and one line on how a script made it."""
     lines = ["| " + " | ".join(HEAD) + " |", "|---" * len(HEAD) + "|"]
     lines += ["| " + " | ".join(cells(row)) + " |" for row in result["rows"]]
     options = result["options"]
@@ -135,7 +135,7 @@ def markdown(result: dict[str, Any]) -> str:
         f"{options['views']} + {options['views']} RGB views of {options['size']} x "
         f"{options['size']} pixels, no depth, number of parts not given, default preset; "
         f"{result['machine']}. "
-        "Made by `benchmarks/reconstruction_suite.py` with an external kit that sees the exported "
+        f"Made by `{script}` with an external kit that sees the exported "
         "MJCF only. Axis, position, turn (hinges) and slide are mean errors over the parts found.",
     ]
     return "\n".join(lines) + "\n"
