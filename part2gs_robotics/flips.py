@@ -27,6 +27,7 @@ UPRIGHT = 0.1  # sine: a panel that turns in its own plane has no way across of 
 LEAST_TURN = np.deg2rad(5.0)  # less has no axis worth the name, and may be a slide
 LARGE = np.deg2rad(90.0)  # a lesser turn has no other way round that turns less
 LESSER = 0.5  # of a turn: what turns nearly as far is no likelier
+CENTRAL = 1.4  # radii of gyration from the part's middle: a board's edge is 1.73 away
 ALIKE = 0.02  # of the cost: a blade's slide was 0.9 % worse than its half turn, a lid's 20 %
 
 
@@ -61,6 +62,8 @@ def calmed(judge: Judge, verdict: Verdict, pool: list[Hypothesis], say: Callable
            ) -> Verdict:
     """Return the verdict with large turns of parts that look alike after half a turn made less.
 
+    A flap that folds over turns about its edge; a line through the part is hardly a hinge's.
+
     Args:
         judge: of the study.
         verdict: decided.
@@ -72,6 +75,8 @@ def calmed(judge: Judge, verdict: Verdict, pool: list[Hypothesis], say: Callable
         if h.kind != 1 or h.carrier is not None or abs(h.value) < LARGE:
             continue
         own = judge.study.own(best.hard, k + 1)
+        if not _central(h, own):
+            continue
         turned = [refine(guess, own, judge.lands, judge.study.taus, 4)
                   for guess in _flips(h, own, judge.study.diag)]
         less = [new for new in (*turned, *pool)
@@ -85,6 +90,16 @@ def calmed(judge: Judge, verdict: Verdict, pool: list[Hypothesis], say: Callable
                 f"{trial.cost:.4f}, was {best.cost:.4f}")
             best = trial
     return best
+
+
+def _central(h: Hypothesis, own: tuple[Surfels, Surfels]) -> bool:
+    """Return whether a turn's line goes through its part rather than along its edge."""
+    zero, one = own
+    points = np.concatenate([zero.points, se3.apply(se3.inverse(h.move), one.points)])
+    if not len(points):
+        return False
+    arms = np.cross(points - h.origin, h.axis)
+    return bool(np.linalg.norm(arms.mean(0)) < CENTRAL * np.sqrt(arms.var(0).sum()))
 
 
 def _flips(h: Hypothesis, own: tuple[Surfels, Surfels], diag: float) -> list[Hypothesis]:

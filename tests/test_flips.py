@@ -93,10 +93,10 @@ def test_the_air_grows_with_the_gap(judge, gap, air):
     assert judge.air([replace(TRUTH, origin=origin)], hard) == pytest.approx(air, abs=0.15)
 
 
-def bar_on_a_board(toy, move, plain):
+def bar_on_a_board(toy, move, plain, high=0.2):
     """A bar that lies on a board and moves, in paint of its own or in one colour."""
     board = toy.Box((0, 0, 0), (1.0, 0.8, 0.1), 1)
-    bar = toy.Box((0.1, 0.3, 0.1), (0.5, 0.45, 0.3), 3)
+    bar = toy.Box((0.1, 0.3, 0.1), (0.5, 0.45, 0.1 + high), 3)
     pair = []
     for at in (np.eye(4), move):
         g, labels = toy.gaussians_of([board, replace(bar, move=at)], 0.035)
@@ -127,6 +127,15 @@ def test_a_plain_bar_slides_rather_than_turns_end_for_end(toy, pool):
 def test_a_bar_whose_paint_shows_that_it_turned_has_turned(toy):
     judge = bar_on_a_board(toy, HALF_TURN.move, plain=False)
     verdict = judge.judge([HALF_TURN])
+    assert calmed(judge, verdict, [SLIDE], pytest.fail) is verdict
+
+
+def test_a_plain_flap_that_folds_over_has_folded(toy, monkeypatch):
+    """Its middle slides as well, but its hinge is at its edge."""
+    fold = Hypothesis(1, np.array([0.0, 1, 0]), np.array([0.5, 0.375, 0.12]), np.pi)
+    judge = bar_on_a_board(toy, fold.move, plain=True, high=0.04)
+    verdict = judge.judge([fold])
+    monkeypatch.setattr(judge, "judge", lambda _motions: pytest.fail("nothing is tried"))
     assert calmed(judge, verdict, [SLIDE], pytest.fail) is verdict
 
 
