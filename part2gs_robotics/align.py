@@ -31,7 +31,6 @@ from part2gs_robotics.gaussians import Gaussians
 from part2gs_robotics.joint_fit import move_of
 from part2gs_robotics.joints import Joint
 from part2gs_robotics.render import render
-from part2gs_robotics.shading import Light
 from part2gs_robotics.small_views import SmallViews
 from part2gs_robotics.workspace import Workspace
 
@@ -73,7 +72,6 @@ def align(
     levels: tuple[Level, ...] = (*COARSE, *FINE),
     deviations: bool = True,
     faces: Faces | None = None,
-    light: Light | None = None,
 ) -> list[Joint]:
     """Return the joints after direct alignment against both states' views.
 
@@ -86,13 +84,12 @@ def align(
         levels: widths, one after the other; late ones suffice for joints that are nearly right.
         deviations: whether to estimate standard deviations; no need where joints change again.
         faces: flat faces that axes are drawn to, as far as the images leave them free.
-        light: of the scene; without it turned parts keep their brightness.
     """
     for level in levels:
         poses = [at(j, diag) for j in joints]
         mixing = [Mixing() for _ in joints]
         for _ in range(level.steps):
-            pairs = _systems(gaussians, labels, poses, views, level, light)
+            pairs = _systems(gaussians, labels, poses, views, level)
             plain = [solved(weighed(*pair)) for pair in pairs]
             poses = [pose.moved(m.step(pose.offset, step))
                      for pose, m, step in zip(poses, mixing, plain, strict=True)]
@@ -101,7 +98,7 @@ def align(
         joints = [pose.joint for pose in poses]
     if not deviations:
         return joints
-    known = _with_deviations(gaussians, labels, joints, views, diag, levels[-1], light)
+    known = _with_deviations(gaussians, labels, joints, views, diag, levels[-1])
     return [squared(j, h, faces, diag) if faces else j for j, h in known]
 
 
@@ -111,7 +108,6 @@ def with_missing_deviations(
     joints: list[Joint],
     views: tuple[SmallViews, SmallViews],
     diag: float,
-    light: Light | None = None,
 ) -> list[Joint]:
     """Return the joints, with standard deviations for those that have none.
 
@@ -123,11 +119,10 @@ def with_missing_deviations(
         joints: of parts 1..K.
         views: images of both states.
         diag: diagonal of the object in scene units.
-        light: of the scene.
     """
     if not any(np.isnan(j.sigma_axis) for j in joints):
         return joints
-    known = _with_deviations(gaussians, labels, joints, views, diag, FINE[-1], light)
+    known = _with_deviations(gaussians, labels, joints, views, diag, FINE[-1])
     return [new if np.isnan(j.sigma_axis) else j for j, (new, _) in zip(joints, known, strict=True)]
 
 
@@ -138,12 +133,11 @@ def _with_deviations(
     views: tuple[SmallViews, SmallViews],
     diag: float,
     level: Level,
-    light: Light | None,
 ) -> list[tuple[Joint, F64]]:
     """Return the joints with standard deviations, each with the [P, P] curvature of its steps."""
     poses = [at(j, diag) for j in joints]
-    pairs = _systems(gaussians, labels, poses, views, level, light, patches=True)
-    true = _true_curvatures(gaussians, labels, poses, views, level, light)
+    pairs = _systems(gaussians, labels, poses, views, level, patches=True)
+    true = _true_curvatures(gaussians, labels, poses, views, level)
     return [(_judged_by_curvature(j, *pair, h, diag), weighed(*pair).h)
             for j, pair, h in zip(joints, pairs, true, strict=True)]
 
@@ -155,7 +149,6 @@ def judged(
     end: list[Joint],
     views: tuple[SmallViews, SmallViews],
     margin: float = 0.0,
-    light: Light | None = None,
 ) -> list[Joint]:
     """Return, joint by joint, `end` where the images prefer it to `start`.
 
@@ -166,12 +159,11 @@ def judged(
         end: joints after.
         views: images of both states.
         margin: share of the image cost by which `start` must be better to be kept.
-        light: of the scene.
     """
 
     def cost(joints: list[Joint]) -> float:
         return both_cost(
-            gaussians, labels, [np.eye(4), *(move_of(j) for j in joints)], views, (0.5, 0.5), light
+            gaussians, labels, [np.eye(4), *(move_of(j) for j in joints)], views, (0.5, 0.5)
         )
 
     kept = list(end)
@@ -201,7 +193,6 @@ def _true_curvatures(
     poses: list[Pose],
     views: tuple[SmallViews, SmallViews],
     level: Level,
-    light: Light | None,
 ) -> list[tuple[F64, F64]]:
     """Return [P, P] of every joint: change of the gradient, and the curvature meant to be it.
 
@@ -209,13 +200,13 @@ def _true_curvatures(
     equations, none of the images. Some views tell.
     """
     few = _few(views[0]), _few(views[1])
-    pairs = _systems(gaussians, labels, poses, few, level, light, patches=True)
+    pairs = _systems(gaussians, labels, poses, few, level, patches=True)
     weights = [weights_of(*pair) for pair in pairs]
     change = [np.zeros((len(p.offset),) * 2) for p in poses]
     for i in range(max(map(len, change), default=0)):
         steps = [PROBE * np.eye(max(len(c), i + 1))[i, : len(c)] for c in change]
         there = [p.moved(s) for p, s in zip(poses, steps, strict=True)]
-        for k, pair in enumerate(_systems(gaussians, labels, there, few, level, light)):
+        for k, pair in enumerate(_systems(gaussians, labels, there, few, level)):
             if i < len(change[k]):
                 was, now = (summed(p, weights[k]).g for p in (pairs[k], pair))
                 change[k][:, i] = (was - now) / PROBE
@@ -233,7 +224,6 @@ def _systems(
     poses: list[Pose],
     views: tuple[SmallViews, SmallViews],
     level: Level,
-    light: Light | None,
     patches: bool = False,
 ) -> list[tuple[System, System]]:
     """Return every part's systems in both directions, with patches where asked for."""
@@ -249,8 +239,7 @@ def _systems(
             system.patches = Patches(means[labels[source] == k + 1]) if patches else None
         hot = np.eye(len(poses) + 1, dtype=np.float32)[labels[source]]
         small, work = views[target], Workspace()
-        colors = light.colors(source, g, labels[source], moves) if light else g.colors
-        arrays = means, quats, g.scales, g.opacities, colors
+        arrays = means, quats, g.scales, g.opacities, g.colors
         for v in range(len(small.colors)):
             height, width = small.alphas[v].shape
             camera = small.viewmats[v], small.Ks[v], width, height

@@ -13,22 +13,25 @@ from scipy.sparse.csgraph import connected_components
 
 from part2gs_robotics.labelling import Graph, Unary
 
+F64 = NDArray[np.float64]
 Labels = NDArray[np.int64]
 LINKED = 0.3  # weight of neighbours on one face: across a right angle it is 0.25 at most
+FACING = 0.7  # length of the mean normal: a sheet looks one way (half a pipe 0.64), a post all ways
 AMID = 0.7  # of the neighbours around a face: another part has it all but surrounded
 TIE = 0.05  # mean landing cost, a colour step: what one label explains better than the other
 ROUNDS = 3  # patches of both states vouch for each other; those that fail take others along
 
 
-def joined(hard: Labels, unary: Unary, graph: Graph) -> Labels:
+def joined(hard: Labels, unary: Unary, graph: Graph, normals: F64) -> Labels:
     """Return labels [N0 + N1] with islands given to what surrounds them, if they fit as well there.
 
     Args:
         hard: [N0 + N1] labels.
         unary: landing under every label.
         graph: neighbours, state 1 after state 0.
+        normals: [N0 + N1, 3] unit.
     """
-    patches, wanted = _islands(hard, graph)
+    patches, wanted = _islands(hard, graph, normals)
     if not len(wanted):
         return hard
     before = _own(unary, hard)
@@ -45,10 +48,11 @@ def joined(hard: Labels, unary: Unary, graph: Graph) -> Labels:
     return hard
 
 
-def _islands(hard: Labels, graph: Graph) -> tuple[Labels, Labels]:
+def _islands(hard: Labels, graph: Graph, normals: F64) -> tuple[Labels, Labels]:
     """Return [N] number of the island of every surfel, -1 = none, and the labels around each.
 
-    An island is what of a smooth face has one label, and smaller than the largest face beside it.
+    An island is what of a smooth face has one label; it looks one way, and is smaller than the
+    largest face beside it. A hinge's post amid doors is none: it is a body, and hardly moves.
     """
     rows = np.repeat(np.arange(len(hard)), graph.neighbors.shape[1])
     cols = graph.neighbors.ravel()
@@ -63,12 +67,14 @@ def _islands(hard: Labels, graph: Graph) -> tuple[Labels, Labels]:
     theirs = hard[two] == wanted[face[one]]
     np.maximum.at(beside, face[one[theirs]], sizes[face[two[theirs]]])
     own = hard[np.unique(face, return_index=True)[1]]
-    amid = (wanted != own) & (around.max(1) >= AMID * around.sum(1)) & (sizes < beside)
+    looks = np.stack([np.bincount(face, n, total) for n in normals.T], 1)
+    flat = np.linalg.norm(looks, axis=1) > FACING * sizes
+    amid = (wanted != own) & (around.max(1) >= AMID * around.sum(1)) & (sizes < beside) & flat
     number = np.where(amid, np.cumsum(amid) - 1, -1)
     return number[face], wanted[amid]
 
 
-def _own(unary: Unary, hard: Labels) -> NDArray[np.float64]:
+def _own(unary: Unary, hard: Labels) -> F64:
     """Return [N] landing cost of every surfel under its label."""
     costs = unary.cost(np.eye(unary.match.shape[1])[hard])
     return np.asarray(costs[np.arange(len(hard)), hard])

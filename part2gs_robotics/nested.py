@@ -94,7 +94,7 @@ def aligned(judge: Judge, tree: Tree, views: Views) -> Tree:
     for levels in (FINE[:1], FINE):
         hard, _ = claim(judge, tree.joints, tree.hard)
         joints = align(study.gaussians, study.gaussian_labels(hard), tree.joints, views,
-                       study.diag, levels, levels is FINE, study.faces, study.light)
+                       study.diag, levels, levels is FINE, study.faces)
         tree = carried(replace(tree, joints=joints, hard=hard))
     return tree
 

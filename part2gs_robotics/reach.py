@@ -51,7 +51,8 @@ def claim(judge: Judge, joints: list[Joint], hard: Labels) -> tuple[Labels, F64]
         extra = _far(_cores(proofs, study.graph), surface, study.diag)
         extra += _passing(study, costs, proofs, joints)
         hard, _ = label(Unary(unary.match, unary.target, unary.miss, extra), study.graph)
-    hard = joined(hard, unary, study.graph)
+    normals = np.concatenate([s.normals for s in study.surfels])
+    hard = joined(hard, unary, study.graph, normals)
     costs = unary.cost(np.eye(len(moves))[hard]) + extra
     return hard, costs
 

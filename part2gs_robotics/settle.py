@@ -78,9 +78,8 @@ def _alone(judge: Judge, joints: list[Joint], hard: Labels, views: Views, sharp:
     """
     study = judge.study
     labels = study.gaussian_labels(hard)
-    near = align(study.gaussians, labels, joints, views, study.diag, COARSE, deviations=False,
-                 light=study.light)
-    near = judged(study.gaussians, labels, joints, near, views, light=study.light)
+    near = align(study.gaussians, labels, joints, views, study.diag, COARSE, deviations=False)
+    near = judged(study.gaussians, labels, joints, near, views)
     hard, _ = labels_under(judge, near, hard, config)
     return _aligned(judge, near, hard, sharp, config), hard
 
@@ -90,15 +89,13 @@ def _aligned(judge: Judge, joints: list[Joint], hard: Labels, sharp: Views,
     """Return joints that are nearly right after their last alignment."""
     study = judge.study
     labels = identity_labels(judge, joints, hard, config)
-    end = align(study.gaussians, labels, joints, sharp, study.diag, FINE, faces=study.faces,
-                light=study.light)
+    end = align(study.gaussians, labels, joints, sharp, study.diag, FINE, faces=study.faces)
     turns = plain(end, study.diag)
     if any(new is not old for new, old in zip(turns, end, strict=True)):
         logger.info("settle: a screw's rise is not proven by the images: a turn")
-        end = align(study.gaussians, labels, turns, sharp, study.diag, FINE, faces=study.faces,
-                    light=study.light)
-    kept = judged(study.gaussians, labels, joints, end, sharp, LEAST_GAIN, study.light)
-    return with_missing_deviations(study.gaussians, labels, kept, sharp, study.diag, study.light)
+        end = align(study.gaussians, labels, turns, sharp, study.diag, FINE, faces=study.faces)
+    kept = judged(study.gaussians, labels, joints, end, sharp, LEAST_GAIN)
+    return with_missing_deviations(study.gaussians, labels, kept, sharp, study.diag)
 
 
 def _alternate(
@@ -108,7 +105,7 @@ def _alternate(
     for turn in range(ROUNDS):
         labels = study.gaussian_labels(hard)
         joints = align(study.gaussians, labels, joints, views, study.diag,
-                       FINE[:1] if turn else levels, deviations=False, light=study.light)
+                       FINE[:1] if turn else levels, deviations=False)
         verdict = judge.judge([hypothesis_of(j) for j in joints])
         hard, _ = claim(judge, joints, verdict.hard)
         verdict = replace(verdict, hard=hard)
