@@ -9,7 +9,7 @@ from the true Gaussians; `align` starts from a wrong joint. Two conditions:
   miscoloured in patches, as fits are: errors that all views share.
 
 Run: NUMBA_NUM_THREADS=1 python benchmarks/joint_sigma.py [draws of a kind] [json]
-(200 of each: about 18 min on one core)
+(100 of each: about 9 min on one core)
 """
 
 from __future__ import annotations
@@ -247,17 +247,20 @@ def summary(rows: dict[str, F64]) -> dict[str, float]:
 
 def main() -> None:
     """Write a table, and the JSON if a path is given."""
-    count = int(sys.argv[1]) if len(sys.argv) > 1 else 200
+    count = int(sys.argv[1]) if len(sys.argv) > 1 else 100
     result: dict[str, dict[str, float]] = {}
     sys.stdout.write("| condition | axis | origin | value | rise |\n|---|---|---|---|---|\n")
     for condition in ("pixels", "geometry"):
         kinds = [ratios(kind, condition, count) for kind in KINDS]
         result |= {f"{condition}_{kind}": summary(rows)
                    for kind, rows in zip(KINDS, kinds, strict=True)}
-        whole = summary({q: np.concatenate([k[q] for k in kinds]) for q in kinds[0]})
-        result[condition] = whole
-        shares = " | ".join(f"{100 * whole[f'{q}_inside']:.0f} %" for q in QUANTITIES)
-        sys.stdout.write(f"| {condition} | {shares} |\n")
+        # Turns and slides together; screws, with a sixth parameter, on their own.
+        both = summary({q: np.concatenate([k[q] for k in kinds[:2]]) for q in kinds[0]})
+        result[condition] = both
+        for name, row in ((condition, both), (f"{condition}, screws", summary(kinds[2]))):
+            shares = " | ".join(f"{100 * row[f'{q}_inside']:.0f} %" if f"{q}_inside" in row else "-"
+                                for q in QUANTITIES)
+            sys.stdout.write(f"| {name} | {shares} |\n")
         sys.stdout.flush()
     if len(sys.argv) > 2:
         found = {"draws_of_a_kind": count, "interval": 0.9, "conditions": result}

@@ -38,15 +38,7 @@ HEAD = (
 
 def main() -> int:
     """Run the kit if it is given, store its numbers, and write the table."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--kit", type=Path, help="folder of the benchmark kit")
-    parser.add_argument("--objects", nargs="+", default=list(OBJECTS))
-    parser.add_argument("--views", type=int, default=64)
-    parser.add_argument("--size", type=int, default=400)
-    parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--cmd", default=COMMAND, help="command with {scene} and {out}")
-    parser.add_argument("--work", type=Path, help="folder for scenes and twins; default: temporary")
-    args = parser.parse_args()
+    args = arguments(__doc__.splitlines()[0], OBJECTS)
     if args.kit:
         with tempfile.TemporaryDirectory() as temporary:
             found = run_kit(args, args.work or Path(temporary))
@@ -62,6 +54,19 @@ def main() -> int:
     README.write_text(insert(README.read_text(), table))
     sys.stdout.write(table)
     return 0
+
+
+def arguments(purpose: str, objects: Sequence[str]) -> argparse.Namespace:
+    """Return the command line of a script that runs the kit on some of its objects."""
+    parser = argparse.ArgumentParser(description=purpose)
+    parser.add_argument("--kit", type=Path, help="folder of the benchmark kit")
+    parser.add_argument("--objects", nargs="+", default=list(objects))
+    parser.add_argument("--views", type=int, default=64)
+    parser.add_argument("--size", type=int, default=400)
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--cmd", default=COMMAND, help="command with {scene} and {out}")
+    parser.add_argument("--work", type=Path, help="folder for scenes and twins; default: temporary")
+    return parser.parse_args()
 
 
 def run_kit(args: argparse.Namespace, work: Path,

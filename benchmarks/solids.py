@@ -8,14 +8,13 @@ as in reconstruction_suite.py. Objects that are not run keep their rows.
 
 from __future__ import annotations
 
-import argparse
 import json
 import sys
 import tempfile
 from pathlib import Path
 
 import yaml
-from reconstruction_suite import COMMAND, ROOT, insert, markdown, merged, run_kit, summary
+from reconstruction_suite import ROOT, arguments, insert, markdown, merged, run_kit, summary
 from solids_models import mjcf
 from solids_more import THINGS
 
@@ -26,15 +25,7 @@ BEGIN, END = "<!-- solids:begin -->", "<!-- solids:end -->"
 
 def main() -> int:
     """Run the kit if it is given, store its numbers, and write the table."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--kit", type=Path, help="folder of the benchmark kit")
-    parser.add_argument("--objects", nargs="+", default=list(THINGS), choices=list(THINGS))
-    parser.add_argument("--views", type=int, default=64)
-    parser.add_argument("--size", type=int, default=400)
-    parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--cmd", default=COMMAND, help="command with {scene} and {out}")
-    parser.add_argument("--work", type=Path, help="folder for scenes and twins; default: temporary")
-    args = parser.parse_args()
+    args = arguments(__doc__.splitlines()[0], list(THINGS))
     if args.kit:
         with tempfile.TemporaryDirectory() as temporary:
             work = args.work or Path(temporary)

@@ -30,10 +30,10 @@ if TYPE_CHECKING:
 F64 = NDArray[np.float64]
 CONVEX = 0.01  # hull sticks out by less than 1 % of the volume: convex
 STICKS_OUT = 0.5  # of the tolerance, mean over the hull's surface: convex enough
-OPEN = 0.5  # of the hull empty: a noisy board's is a third at most, a sliced frame's five sixths
+OPEN = 0.5  # of the hull empty: less is a noisy board; slices of a frame were three quarters empty
 FAR = 3.0  # tolerances from the surface: an opening, not noise of a wall
 GAPING = 0.25  # of the hull's surface so far away: more lets nothing through where the part does
-PROBES = 400, 4000  # points on the hull and on the piece: the latter lie half a tolerance apart
+PROBES = 400, 4000  # points on the hull, and on the piece, whose spacing is allowed for
 SIMPLER = 0.25  # of the tolerance: noise below it is not worth a cut
 FEW_FACES = 6000  # cuts cost 10 ms on so many
 CRUMB = 1e-5  # of the volume: dropped

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from part2gs_robotics import se3
-from part2gs_robotics.judge import NEAR, Judge, Verdict, arm_of
+from part2gs_robotics.judge import NEAR, Judge, Verdict, arm_of, at_home
 from part2gs_robotics.motion_refine import refine
 from part2gs_robotics.motion_search import Hypothesis
 from part2gs_robotics.surfels import Surfels
@@ -28,7 +28,7 @@ LEAST_TURN = np.deg2rad(5.0)  # less has no axis worth the name, and may be a sl
 LARGE = np.deg2rad(90.0)  # a lesser turn has no other way round that turns less
 LESSER = 0.5  # of a turn: what turns nearly as far is no likelier
 CENTRAL = 1.4  # radii of gyration from the part's middle: a board's edge is 1.73 away
-ALIKE = 0.02  # of the cost: a blade's slide was 0.9 % worse than its half turn, a lid's 20 %
+ALIKE = 0.02  # of the cost: a blade's slide was 1.1 % worse than its half turn
 
 
 def righted(judge: Judge, verdict: Verdict, say: Callable[[str], None]) -> Verdict:
@@ -94,8 +94,7 @@ def calmed(judge: Judge, verdict: Verdict, pool: list[Hypothesis], say: Callable
 
 def _central(h: Hypothesis, own: tuple[Surfels, Surfels]) -> bool:
     """Return whether a turn's line goes through its part rather than along its edge."""
-    zero, one = own
-    points = np.concatenate([zero.points, se3.apply(se3.inverse(h.move), one.points)])
+    points = at_home(h, own)
     if not len(points):
         return False
     arms = np.cross(points - h.origin, h.axis)
@@ -103,8 +102,7 @@ def _central(h: Hypothesis, own: tuple[Surfels, Surfels]) -> bool:
 
 
 def _flips(h: Hypothesis, own: tuple[Surfels, Surfels], diag: float) -> list[Hypothesis]:
-    zero, one = own
-    points = np.concatenate([zero.points, se3.apply(se3.inverse(h.move), one.points)])
+    points = at_home(h, own)
     if len(points) < FEWEST:
         return []
     # Of a square panel only the normal is its own: the other ways follow the motion's axis.
@@ -129,11 +127,9 @@ def joint_near(move: F64, centre: F64, diag: float) -> Hypothesis | None:
         centre: [3] of the part before the motion.
         diag: diagonal of the object in scene units.
     """
-    axis, origin, angle, rise = se3.screw_of(move, centre)
-    if angle < LEAST_TURN:
-        way = se3.apply(move, centre) - centre
-        length = float(np.linalg.norm(way))
-        return Hypothesis(0, way / length, centre, length) if length else None
+    axis, origin, angle, rise = se3.screw_of(move, centre, LEAST_TURN)
+    if not angle:
+        return Hypothesis(0, axis, centre, rise) if rise else None
     if abs(rise) > MOST_RISE * diag:
         return None
     return Hypothesis(1, axis, origin, angle)

@@ -86,10 +86,15 @@ class Verdict:
                 and self.image_cost < (1 + images) * other.image_cost)
 
 
+def at_home(h: Hypothesis, own: tuple[Surfels, Surfels]) -> F64:
+    """Return [n, 3] points of a part's surfels of both states, where they are in state 0."""
+    zero, one = own
+    return np.concatenate([zero.points, se3.apply(se3.inverse(h.move), one.points)])
+
+
 def arm_of(h: Hypothesis, own: tuple[Surfels, Surfels]) -> float:
     """Return how far the line of a turn passes its part, scene units; infinite without any part."""
-    points = np.concatenate([own[0].points, se3.apply(se3.inverse(h.move), own[1].points)])
-    gaps = np.linalg.norm(np.cross(points - h.origin, h.axis), axis=1)
+    gaps = np.linalg.norm(np.cross(at_home(h, own) - h.origin, h.axis), axis=1)
     return float(gaps.min(initial=np.inf))
 
 

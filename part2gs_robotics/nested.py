@@ -212,11 +212,9 @@ def _beside(h: Hypothesis, carrier: F64, own: tuple[Surfels, Surfels]) -> Hypoth
     """Return the motion of one joint on a carrier that is nearest to a motion of the world."""
     rest = se3.inverse(carrier) @ h.move
     centre = np.concatenate([own[0].points, h.origin[None]]).mean(0)
-    axis, origin, angle, _ = se3.screw_of(rest, centre)
-    if angle < LEAST_TURN:
-        way = se3.apply(rest, centre) - centre
-        length = float(np.linalg.norm(way))
-        return Hypothesis(0, way / length if length else h.axis, centre, length, carrier)
+    axis, origin, angle, way = se3.screw_of(rest, centre, LEAST_TURN)
+    if not angle:
+        return Hypothesis(0, axis if way else h.axis, centre, way, carrier)
     return Hypothesis(1, axis, origin, angle, carrier)
 
 

@@ -58,12 +58,14 @@ def screw_motion(axis: F64, origin: F64, turn: float, slide: float) -> F64:
     return make(rot, origin - rot @ origin + slide * axis)
 
 
-def screw_of(motion: F64, near: F64) -> tuple[F64, F64, float, float]:
+def screw_of(motion: F64, near: F64, least: float = SMALL_ANGLE,
+             ) -> tuple[F64, F64, float, float]:
     """Return (axis, origin, turn, slide) of a [4, 4] motion; screw_motion makes it again.
 
     Args:
         motion: rigid.
         near: [3] point beside which the origin lies; the origin of a motion without a turn.
+        least: rad; a smaller turn is none, and the motion the slide of `near`.
 
     Returns:
         Unit axis, [3] origin, turn in [0, pi], slide along the axis; of no turn at all the axis
@@ -71,7 +73,7 @@ def screw_of(motion: F64, near: F64) -> tuple[F64, F64, float, float]:
     """
     rotvec = rotvec_from_rotation(motion[:3, :3])
     turn, way = float(np.linalg.norm(rotvec)), apply(motion, near) - near
-    if turn < SMALL_ANGLE:
+    if turn < least:
         length = float(np.linalg.norm(way))
         return (way / length if length else way), near, 0.0, length
     axis = rotvec / turn
