@@ -12,6 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
 from part2gs_robotics import se3
 from part2gs_robotics.align import FINE, align
@@ -41,6 +42,7 @@ GUESSES = 6  # motions of each patch that are refined
 TRIED = 8  # refined motions, those that land most of what is left, that are judged
 LEAST_TURN = np.deg2rad(3.0)  # beside the carrier: less is the carrier's own error
 LEAST_SLIDE = 0.02  # of the diagonal, likewise
+HALF = np.deg2rad(135.0)  # beside the carrier: from here on a plate lands on itself, sides swapped
 FAR_PRICE = 0.02  # of the cost left: for a hinge line FAR away from its part; see `_apart`
 FAR = 0.3  # of the diagonal
 
@@ -108,7 +110,8 @@ def _grown(judge: Judge, tree: Tree, carrier: int, priced: bool, rng: np.random.
     left = _left(judge, costs, now.hard, carrier)
     if len(left) < LEAST_LEFT * max((now.hard == carrier).sum(), 1) or len(left) < SEEDS:
         return None
-    found = _search(judge, left, move_of(tree.joints[carrier - 1]), rng)
+    body = judge.study.surfels[0].select(now.hard[: len(judge.study.surfels[0])] == carrier)
+    found = _search(judge, left, move_of(tree.joints[carrier - 1]), body, rng)
     if not found:
         return None
     grown = judge.best_of([[*motions, h] for h in found], now)
@@ -129,8 +132,9 @@ def _left(judge: Judge, costs: F64, hard: Labels, carrier: int) -> Surfels:
     return judge.study.surfels[1].select(rows)
 
 
-def _search(judge: Judge, left: Surfels, carrier: F64, rng: np.random.Generator,
-            ) -> list[Hypothesis]:
+def _search(judge: Judge, left: Surfels, carrier: F64, body: Surfels,
+            rng: np.random.Generator) -> list[Hypothesis]:
+    """Return motions on a carrier that land what it leaves; body: its surfels of state 0."""
     study = judge.study
     back, diag = se3.inverse(carrier), study.diag
     home = replace(left, points=se3.apply(back, left.points), normals=left.normals @ back[:3, :3].T)
@@ -148,9 +152,24 @@ def _search(judge: Judge, left: Surfels, carrier: F64, rng: np.random.Generator,
             start = replace(guess, carrier=carrier)
             found.append(refine(start, (empty, left.select(near)), study.lands,
                                 (SEARCH_TAU * diag, study.tau), 3))
-    real = [h for h in found if abs(h.value) > (LEAST_TURN if h.kind else LEAST_SLIDE * diag)]
+    real = [h for h in found if abs(h.value) > (LEAST_TURN if h.kind else LEAST_SLIDE * diag)
+            and not _swaps_sides(h, home.points, body.points, SLOW * diag)]
     costs = [land(se3.inverse(h.move), left, study.lands[0], study.tau)[0].sum() for h in real]
     return [real[i] for i in np.argsort(costs, kind="stable")[:TRIED]]
+
+
+def _swaps_sides(h: Hypothesis, home: F64, body: F64, near: float) -> bool:
+    """Return whether a motion on a carrier is half a turn that leaves a thing in its place.
+
+    Of a lid each state may show one side only. Half a turn of the lid within itself then explains
+    both, and all it says is that the sides look alike. home [n, 3]: points of state 1 brought back
+    by the carrier; body [m, 3]: of the carrier in state 0.
+    """
+    if not h.kind or abs(h.value) < HALF or not len(body):
+        return False
+    there = se3.apply(se3.inverse(h.own), home)
+    tree = cKDTree(body)
+    return all(float(tree.query(p)[0].mean()) < near for p in (home, there))
 
 
 def _polished(judge: Judge, verdict: Verdict) -> Verdict:

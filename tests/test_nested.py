@@ -13,7 +13,7 @@ from part2gs_robotics.joint_fit import move_of
 from part2gs_robotics.joints import Joint
 from part2gs_robotics.judge import Judge
 from part2gs_robotics.motion_search import Hypothesis
-from part2gs_robotics.nested import _beside, aligned, chains
+from part2gs_robotics.nested import _beside, _swaps_sides, aligned, chains
 from part2gs_robotics.part_tree import Tree, carried, flat, ordered
 from part2gs_robotics.small_views import small_views
 from part2gs_robotics.study import gather
@@ -145,3 +145,26 @@ def test_carriers_come_before_what_they_carry():
 def test_carriers_motions_follow_their_joints():
     tree = Tree([DOOR, replace(FLAP, carrier=np.eye(4))], (0, 1), np.zeros(1, int), (1, 0))
     np.testing.assert_array_equal(carried(tree).joints[1].carrier, move_of(DOOR))
+
+
+def plate(rng, lo, hi):
+    return rng.uniform(lo, hi, (400, 3))
+
+
+@pytest.mark.parametrize(("angle", "swaps"), [(180.0, True), (150.0, True), (120.0, False)])
+def test_half_a_turn_of_a_lid_within_itself_only_swaps_its_sides(angle, swaps):
+    """Of a lid one state shows the top, the other the underside; both lie in one place."""
+    rng = np.random.default_rng(0)
+    top, under = plate(rng, (0, 0, 0.02), (0.6, 0.1, 0.02)), plate(rng, (0, 0, 0), (0.6, 0.1, 0))
+    h = Hypothesis(1, np.array([1.0, 0, 0]), np.array([0.3, 0.05, 0.01]), np.deg2rad(angle),
+                   move_of(DOOR))
+    assert _swaps_sides(h, under, top, 0.03) == swaps
+    assert not _swaps_sides(replace(h, kind=0), under, top, 0.03)
+    assert not _swaps_sides(h, under, top[:0], 0.03)
+
+
+def test_a_leaf_that_folds_over_does_not_stay_in_its_carriers_place():
+    rng = np.random.default_rng(0)
+    table, leaf = plate(rng, (0, 0, 0), (0.6, 0.4, 0)), plate(rng, (0.6, 0, 0), (1.2, 0.4, 0))
+    folded = Hypothesis(1, np.array([0.0, 1, 0]), np.array([0.6, 0, 0]), np.pi, move_of(DOOR))
+    assert not _swaps_sides(folded, leaf, table, 0.03)
