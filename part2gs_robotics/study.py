@@ -21,6 +21,7 @@ from part2gs_robotics.scene import Scene
 from part2gs_robotics.shading import Light, light_of, unshaded
 from part2gs_robotics.small_views import SmallViews, small_views
 from part2gs_robotics.surfels import Surfels, fuse_surfels, sampling
+from part2gs_robotics.unseen import SIDE, VIEWS, without_unseen
 
 F64 = NDArray[np.float64]
 SELF_TOLERANCE = 0.012  # of the diagonal: a surfel its own state sees past is a floater
@@ -34,7 +35,8 @@ class Study:
     """Two states as surfels, landing grids, evidence and small views.
 
     Attributes:
-        gaussians: of both states.  surfels: of both states.  lands: landing grids of both states.
+        gaussians: of both states, clear where no photo shows them.
+        surfels: of both states.  lands: landing grids of both states.
         evidence: vacated and arrived surfels.  graph: of all surfels, state 1 after state 0.
         nearest: per state, [N_s] the surfel nearest to every Gaussian.
         views: small views of both states.  box: corners of the object.  diag: its diagonal.
@@ -129,8 +131,10 @@ def gather(scene: Scene, gaussians: tuple[Gaussians, Gaussians],
     normals = [surfels[s].normals[nearest[s]] for s in (0, 1)]
     views = [small_views(state, config.proof_views, config.proof_side) for state in scene.states]
     pair = surfels[0], surfels[1]
+    shown = [without_unseen(g, small_views(state, VIEWS, SIDE))
+             for g, state in zip(gaussians, scene.states, strict=True)]
     return Study(
-        gaussians,
+        (shown[0], shown[1]),
         maps,
         pair,
         (targets[0][0], targets[1][0]),

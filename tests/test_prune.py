@@ -10,7 +10,7 @@ import pytest
 from part2gs_robotics.joints import Joint
 from part2gs_robotics.judge import Judge
 from part2gs_robotics.part_tree import flat
-from part2gs_robotics.prune import LOOSE, held, pruned
+from part2gs_robotics.prune import FIRM, LOOSE, held, pruned
 
 SIGMAS = pytest.mark.parametrize("sigma", [0.1, np.inf, np.nan])
 
@@ -46,6 +46,14 @@ def test_a_part_whose_way_images_do_not_show_is_not_held(judge, look_alikes, par
     first, second, copy = parts
     loose = replace(copy, sigma_value=np.inf)
     assert held(judge, tree_of(judge, look_alikes, first, second, loose)).joints == [first, second]
+
+
+def test_a_part_whose_axis_is_firm_stays_though_images_do_not_show_its_way(
+        judge, look_alikes, parts):
+    first, second, copy = parts
+    tree = tree_of(judge, look_alikes, first, second,
+                   replace(copy, sigma_axis=0.9 * FIRM, sigma_value=np.inf))
+    assert held(judge, tree) is tree
 
 
 @SIGMAS
