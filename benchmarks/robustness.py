@@ -41,12 +41,14 @@ class Case:
     Attributes:
         row: what is varied.  value: how much.
         flags: of the kit.  edit: of `robustness_scene.py`, None = the scene as rendered.
+        build: words added to the build's command.
     """
 
     row: str
     value: float
     flags: tuple[str, ...] = ()
     edit: str | None = None
+    build: str = ""
 
 
 CASES = (
@@ -58,6 +60,7 @@ CASES = (
     Case("exposure of state 1", 1.3, edit="exposure"),
     *(Case("pixels", n, ("--size", str(n))) for n in (200, 800)),
     *(Case("seed", n, ("--seed", str(n))) for n in (1, 2)),
+    *(Case("parts given", n, build=f" --parts {n}") for n in (1, 2, 4, 7)),
 )  # fmt: skip
 
 
@@ -100,13 +103,14 @@ def run(args: argparse.Namespace, case: Case, name: str) -> dict[str, Any]:
         row = run_kit(one, work, case.flags)["rows"][0]  # type: ignore[index]
         return summary_row(row) | {"commit": git("rev-parse", "--short", "HEAD")}
 
-    key = {"flags": list(case.flags), "edit": case.edit, "cmd": args.cmd}
+    key = {"flags": list(case.flags), "edit": case.edit, "cmd": args.cmd + case.build}
     row = kept(args.work / "rows" / f"{label}.json", key, make)
     return {"row": case.row, "value": case.value} | row
 
 
 def command(plain: str, case: Case, work: Path) -> str:
     """Return the kit's command, on a spoiled copy of the scene if the case asks for one."""
+    plain += case.build
     if case.edit is None:
         return plain
     editor = shlex.join([sys.executable, str(EDITOR), case.edit])
@@ -157,6 +161,7 @@ Lines: {", ".join(f"{name} {color}" for name, color in zip(names, COLORS, strict
 - `shadows that move`: lights cast shadows, which move with the parts.
 - `views`: below 20 photos per state a build refuses to start (exit 2).
 - `pose noise`: every camera is turned by a random angle of this size.
+- `parts given`: `--parts`, right or wrong; the microwave has 1 moving part, the sektion cabinet 4.
 """
 
 

@@ -17,7 +17,7 @@ from part2gs_robotics.render_geometry import LOW_PASS
 from part2gs_robotics.small_views import SmallViews
 from part2gs_robotics.workspace import Workspace
 
-VIEWS, SIDE = 24, 200  # photos that tell, and their longest side: twice as many change little
+VIEWS, SIDE = 24, 200  # photos that tell, and their longest side: 48 change 2 % of the answers
 LEAST = 0.05  # of what it could cover in the view that shows most of it: less is a leak
 CLEAR = -20.0  # logit of an opacity that nothing draws
 

@@ -53,6 +53,15 @@ def test_exposure_changes_the_colours_of_state_1_alone(scene: Path, tmp_path: Pa
     np.testing.assert_array_equal(after[..., :3], expected)
 
 
+def test_a_number_of_parts_is_given_to_the_build_alone(tmp_path) -> None:
+    cases = [c for c in robustness.CASES if c.build]
+    assert {c.row for c in cases} == {"parts given"}
+    for case in cases:
+        text = robustness.command("part2gs-robot build {scene}", case, tmp_path)
+        assert text == f"part2gs-robot build {{scene}} --parts {case.value:g}"
+        assert not case.flags
+
+
 def test_the_command_runs_on_the_copy_and_its_exit_code_is_told(scene, tmp_path) -> None:
     case = next(c for c in robustness.CASES if c.edit == "masks")
     text = robustness.command("part2gs-robot build {scene} -o {out}", case, tmp_path)
