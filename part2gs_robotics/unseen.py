@@ -56,5 +56,5 @@ def shares_shown(gaussians: Gaussians, views: SmallViews) -> NDArray[np.float64]
         depth = np.maximum(gaussians.means @ view[2, :3] + view[2, 3], 1e-6)
         widths = (broad * (K[0, 0] / depth)[:, None]) ** 2 + LOW_PASS
         footprint = 2 * np.pi * np.sqrt(widths.prod(1))
-        best = np.maximum(best, added / (footprint * arrays[3]))
+        best = np.maximum(best, added / (footprint * np.maximum(gaussians.opacities, 1e-9)))
     return best

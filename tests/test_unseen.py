@@ -12,6 +12,7 @@ from part2gs_robotics.cross_render import both_cost
 from part2gs_robotics.gaussians import Gaussians
 from part2gs_robotics.render import render
 from part2gs_robotics.small_views import small_views
+from part2gs_robotics.study import gather
 from part2gs_robotics.unseen import LEAST, shares_shown, without_unseen
 
 SIDE = 80
@@ -80,3 +81,14 @@ def test_what_was_never_seen_does_not_speak_of_motion(slid):
     alone = both_cost((both, two), (hidden, labels[1]), [np.eye(4), MOVE], tuple(photos), (1, 0))
     base = both_cost((one, two), labels, [np.eye(4), MOVE], tuple(photos), (1, 0))
     assert abs(alone - base) > 1e-3  # here it would
+
+
+def test_a_study_draws_no_gaussian_that_no_photo_shows(toy):
+    eyes = toy.cameras(20, 64, np.array([0.3, -0.1, 0.3]), 1.3)
+    base, block = toy.Box((0, 0, 0), (0.8, 0.6, 0.3), 1), toy.Box((0, 0, 0.3), (0.4, 0.6, 0.6), 2)
+    plain = [toy.gaussians_of([base, b], 0.04)[0]
+             for b in (block, toy.Box(block.lo, block.hi, 2, MOVE))]
+    both = joined(plain[0], buried(plain[0], 2.0)), plain[1]
+    study = gather(toy.scene_of(tuple(toy.drawn(g, *eyes, 64) for g in both)), both)
+    assert [len(g) for g in study.gaussians] == [len(g) for g in both]
+    assert study.gaussians[0].opacities[len(plain[0]):].max() < 1e-6
