@@ -64,6 +64,11 @@ class Light:
         one, two = (_log_brightness(self.shades, n) for n in self.normals)
         return one, two
 
+    def turned(self, state: int, labels: NDArray[np.int64], moves: list[F64]) -> F64:
+        """Return [N, 3] normals of a state's Gaussians after every one turned with its part."""
+        rotations = np.stack(moves)[:, :3, :3]
+        return np.einsum("nij,nj->ni", rotations[labels], self.normals[state])
+
     def colors(
         self, state: int, gaussians: Gaussians, labels: NDArray[np.int64], moves: list[F64]
     ) -> F32:

@@ -6,7 +6,13 @@ import numpy as np
 import pytest
 
 from part2gs_robotics import se3
-from part2gs_robotics.cross_render import both_cost, cross_cost, move_gaussians
+from part2gs_robotics.cross_render import (
+    UNSEEN_COST,
+    both_cost,
+    cross_cost,
+    move_gaussians,
+)
+from part2gs_robotics.shading import Light
 from part2gs_robotics.small_views import small_views
 
 SIDE = 80
@@ -33,6 +39,43 @@ def test_the_cost_is_lower_at_the_truth_than_anywhere_off_it(moved):
         off = se3.make(np.eye(3), move[:3, 3] * scale)
         assert both_cost(gaussians, labels, [eye, off], views, (0.5, 0.5)) > truth + 0.02
     assert truth < 0.6 * both_cost(gaussians, labels, [eye, eye], views, (0.5, 0.5))
+
+
+@pytest.fixture(scope="module")
+def block(toy):
+    """A block's Gaussians, the normals of its sides, and photos of it."""
+    lo, hi = np.zeros(3), np.array([0.8, 0.6, 0.5])
+    box = toy.Box(tuple(lo), tuple(hi), 1)
+    Ks, views = toy.cameras(8, SIDE, 0.5 * hi, 1.3)
+    gaussians = toy.gaussians_of([box], 0.025)[0]
+    gaps = np.concatenate([gaussians.means - lo, hi - gaussians.means], 1)
+    normals = np.concatenate([-np.eye(3), np.eye(3)])[gaps.argmin(1)]
+    return gaussians, normals, small_views(toy.drawn(gaussians, Ks, views, SIDE), 6, SIDE)
+
+
+def test_paint_of_a_side_that_was_not_seen_is_no_evidence(block):
+    gaussians, normals, views = block
+    labels, still = np.zeros(len(gaussians), np.int64), [np.eye(4)]
+    wrong = 1.0 - gaussians.colors
+
+    def cost(colors, normals):
+        return cross_cost(gaussians, labels, still, views, colors, normals)
+
+    seen, plain = (cost(gaussians.colors, n) for n in (normals, None))
+    assert seen == pytest.approx(plain, abs=0.03)  # edges show a little of the next side
+    inside, told = cost(gaussians.colors, -normals), cost(wrong, normals) - seen
+    assert told > 0.2
+    assert cost(wrong, -normals) - inside < 0.2 * told  # at edges the inside of a face is seen
+    assert inside == pytest.approx(UNSEEN_COST, abs=0.05)
+
+
+def test_normals_turn_with_their_parts(block):
+    gaussians, normals, _ = block
+    labels = (gaussians.means[:, 0] > 0.4).astype(np.int64)
+    turn = se3.screw_motion(np.array([0.0, 0.6, 0.8]), np.array([0.1, 0, 0]), 0.8, 0.1)
+    there = Light(np.zeros(8), (normals, normals)).turned(1, labels, [np.eye(4), turn])
+    np.testing.assert_array_equal(there[labels == 0], normals[labels == 0])
+    np.testing.assert_allclose(there[labels == 1], normals[labels == 1] @ turn[:3, :3].T)
 
 
 def test_both_directions_add_up_and_a_weightless_one_is_left_out(moved):
