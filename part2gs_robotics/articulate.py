@@ -219,9 +219,19 @@ def settled_motion(
     diagnostics, notes = part_diagnostics(study, joints, hard, config.paper_mode)
     diagnostics = tuple({**row, **(kept[n - 1] if n else {})}
                         for row, n in zip(diagnostics, tree.known, strict=True))
-    if config.parts and config.parts != len(joints):
-        notes = (*notes, f"--parts asks for {config.parts} moving parts; only {len(joints)} are "
-                 "rigid bodies of their own, the others were left out.")
     clock.tick("identity", 5, len(joints))
     alone = tuple(replace(j, carrier=None) for j in joints)  # the parents say it from here on
+    notes = (*notes, *_about_number(config.parts, len(joints), verdict.short))
     return Motion(probs, alone, parents, diagnostics, notes, clock.seconds)
+
+
+def _about_number(asked: int | None, found: int, short: bool) -> list[str]:
+    """Return what to say where the number of parts asked for is wrong."""
+    notes = []
+    if asked and asked != found:
+        notes.append(f"--parts asks for {asked} moving parts; only {found} are "
+                     "rigid bodies of their own, the others were left out.")
+    if short:
+        notes.append(f"--parts asks for {asked} moving parts; one more would explain what now "
+                     "looks wrong. Leave --parts out to have the number found.")
+    return notes

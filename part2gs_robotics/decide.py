@@ -61,7 +61,9 @@ def decide(
         bodies = judge.bodies(best)
         solid = min(solid, bodies, key=lambda v: v.cost)
         say(f"only {len(solid.motions)} of {len(best.motions)} parts are bodies of their own")
-    return risen(judge, righted(judge, tune(judge, solid, say), say), pool, say)
+    short = parts is not None and len(solid.motions) == parts and _short(judge, solid, pool, say)
+    found = risen(judge, righted(judge, tune(judge, solid, say), say), pool, say)
+    return replace(found, short=short)
 
 
 def _grown(judge: Judge, best: Verdict, pool: list[Hypothesis], known: bool, swap: bool,
@@ -77,6 +79,14 @@ def _grown(judge: Judge, best: Verdict, pool: list[Hypothesis], known: bool, swa
         # A drawer with nearly its length saves part of what it will: judge it at its best.
         grown = tune(judge, grown, say)
     return grown, price
+
+
+def _short(judge: Judge, best: Verdict, pool: list[Hypothesis], say: Callable[[str], None]) -> bool:
+    """Return whether one motion more would pay."""
+    more = judge.best_of([[*best.motions, h] for h in pool], best)
+    gain, price = best.cost - more.cost, judge.price(more, best.cost)
+    say(f"one part more than asked for: {gain:.4f} less; price {price:.4f}")
+    return gain > price and more.improves(best)
 
 
 def _swap(judge: Judge, verdict: Verdict, pool: list[Hypothesis], above: Verdict) -> Verdict:

@@ -46,6 +46,7 @@ class Verdict:
         met: of the motion that does so least, the share of its own surfels of one state that it
             carries onto those of the other.
         air: 0..1, how far the line of a turn passes its part, 1 = surely no hinge.
+        short: whether one more motion would pay though their number was given.
     """
 
     motions: tuple[Hypothesis, ...]
@@ -54,6 +55,7 @@ class Verdict:
     image_cost: float
     met: float = 1.0
     air: float = 0.0
+    short: bool = False
 
     @property
     def coherent(self) -> bool:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from part2gs_robotics import se3
-from part2gs_robotics.articulate import _decide, articulate
+from part2gs_robotics.articulate import _about_number, _decide, articulate
 from part2gs_robotics.config import ArticulateConfig
 from part2gs_robotics.errors import FitError
 from part2gs_robotics.evidence import observe, render_depth_maps
@@ -109,3 +109,14 @@ def test_when_nothing_moves_the_message_says_what_where_and_what_to_do(toy):
     with pytest.raises(FitError, match=r"toy: only 0 of \d+ surface points moved.*"
                                        r"Expected at least 0\.4%.*Photograph"):
         articulate(scene, gaussians, ArticulateConfig())
+
+
+@pytest.mark.parametrize(("asked", "found", "short", "words"), [
+    (None, 3, False, []), (3, 3, False, []), (4, 2, False, ["only 2"]),
+    (1, 1, True, ["one more"]),
+])
+def test_a_wrong_number_of_parts_is_told(asked, found, short, words):
+    notes = _about_number(asked, found, short)
+    assert len(notes) == len(words)
+    assert all(word in note and f"asks for {asked}" in note
+               for word, note in zip(words, notes, strict=True))

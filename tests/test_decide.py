@@ -277,3 +277,13 @@ def test_a_part_that_hardly_moves_must_save_more(judge, look_alikes, right):
     assert fast == pytest.approx(PART_SHARE)
     assert judge.price(slow, 1.0) == pytest.approx(SLOW_SHARE)
     assert judge.price(right, 0.0) == PART_PRICE
+
+
+def test_fewer_parts_than_move_are_said_to_be_too_few(look_alikes):
+    study, (one, two) = look_alikes.study, look_alikes.truth
+    pool = [one, two, *WRONG.values()]
+    heard = []
+    assert decide(study, pool, 1, heard.append).short
+    assert "one part more than asked for" in heard[-1] + heard[-2] + heard[-3]
+    assert not decide(study, pool, 2, silent).short
+    assert not decide(study, pool, None, silent).short
