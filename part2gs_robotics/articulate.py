@@ -199,8 +199,7 @@ def settled_motion(
     judge, search = Judge(study), search or SearchConfig()
     verdict = replace(verdict, hard=start_labels(judge, verdict, config))
     start = [joint_of(judge, verdict, k) for k in range(len(verdict.motions))]
-    one, two = scene.states
-    count, side = search.align_views, search.align_side
+    (one, two), count, side = scene.states, search.align_views, search.align_side
     views = small_views(one, count, side), small_views(two, count, side)
     hard, _ = labels_under(judge, start, verdict.hard, config)
     joints = pulled = physical_steps(study, start, hard, config)
