@@ -24,7 +24,7 @@ COLOR_SCALE = 0.25  # a colour error of a quarter is as wrong as it gets: light 
 MISSING_COST = 0.3  # per uncovered pixel: mostly interior that the source state never saw
 # Per pixel that shows the far side of what the source state saw: its shape is explained, its paint
 # is unknown. A toilet's lid turned over saved 0.008 without this, and lost 0.018 with it.
-UNSEEN_COST = 0.1
+FAR_SIDE_COST = 0.1
 BEHIND = 0.1, 0.3  # cosines between which a face is seen from behind: normals are off by degrees
 
 
@@ -67,9 +67,9 @@ def cross_cost(
         behind = None if normals is None else _behind(means, normals, views.viewmats[v])
         out = render(*arrays, views.viewmats[v], views.Ks[v], width, height, extra=behind,
                      workspace=work)
-        unseen = np.zeros_like(out.alpha) if behind is None else out.extra[..., 0]
+        far = np.zeros_like(out.alpha) if behind is None else out.extra[..., 0]
         rows = np.zeros(height)
-        _row_costs(out.color, out.alpha, unseen, views.colors[v], views.alphas[v], rows)
+        _row_costs(out.color, out.alpha, far, views.colors[v], views.alphas[v], rows)
         total += float(rows.sum())
     return total / max(float(views.alphas.sum()), 1.0)
 
@@ -83,7 +83,7 @@ def _behind(means: NDArray[np.float32], normals: F64, view: F64) -> NDArray[np.f
 
 
 @parallel_kernel
-def _row_costs(color: Floats, alpha: Floats, unseen: Floats, photo: Floats, mask: Floats,
+def _row_costs(color: Floats, alpha: Floats, far: Floats, photo: Floats, mask: Floats,
                rows: F64) -> None:
     """Fill the cost of every row of an image against its photo."""
     for y in prange(len(rows)):
@@ -94,9 +94,9 @@ def _row_costs(color: Floats, alpha: Floats, unseen: Floats, photo: Floats, mask
             tint = 0.0
             for c in range(3):
                 tint += abs(color[y, x, c] - alpha[y, x] * photo[y, x, c])
-            hidden = unseen[y, x] / max(alpha[y, x], 1e-6)
+            hidden = far[y, x] / max(alpha[y, x], 1e-6)
             tint = (1.0 - hidden) * min(tint / (3 * COLOR_SCALE), 1.0)
-            total += tint + UNSEEN_COST * unseen[y, x] + min(2.0 * max(excess, 0.0), 1.0)
+            total += tint + FAR_SIDE_COST * far[y, x] + min(2.0 * max(excess, 0.0), 1.0)
             total -= MISSING_COST * min(excess, 0.0)
         rows[y] = total
 

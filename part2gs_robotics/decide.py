@@ -83,8 +83,8 @@ def _grown(judge: Judge, best: Verdict, pool: list[Hypothesis], known: bool, swa
 
 def _short(judge: Judge, best: Verdict, pool: list[Hypothesis], say: Callable[[str], None]) -> bool:
     """Return whether one motion more would pay."""
-    more = judge.best_of([[*best.motions, h] for h in pool], best)
-    gain, price = best.cost - more.cost, judge.price(more, best.cost)
+    more, price = _grown(judge, best, pool, False, False, say)
+    gain = best.cost - more.cost
     say(f"one part more than asked for: {gain:.4f} less; price {price:.4f}")
     return gain > price and more.improves(best)
 

@@ -7,7 +7,7 @@ import pytest
 
 from part2gs_robotics import se3
 from part2gs_robotics.cross_render import (
-    UNSEEN_COST,
+    FAR_SIDE_COST,
     both_cost,
     cross_cost,
     move_gaussians,
@@ -66,7 +66,7 @@ def test_paint_of_a_side_that_was_not_seen_is_no_evidence(block):
     inside, told = cost(gaussians.colors, -normals), cost(wrong, normals) - seen
     assert told > 0.2
     assert cost(wrong, -normals) - inside < 0.2 * told  # at edges the inside of a face is seen
-    assert inside == pytest.approx(UNSEEN_COST, abs=0.05)
+    assert inside == pytest.approx(FAR_SIDE_COST, abs=0.05)
 
 
 def test_normals_turn_with_their_parts(block):
