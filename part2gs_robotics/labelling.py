@@ -11,11 +11,12 @@ from scipy.spatial import cKDTree
 
 from part2gs_robotics import se3
 from part2gs_robotics.landing import FREE_COST, Landing, land
-from part2gs_robotics.render_jit import parallel_kernel
+from part2gs_robotics.mean_field import NEVER, descend, padded
+from part2gs_robotics.render_jit import inlined, parallel_kernel
 from part2gs_robotics.surfels import Surfels
 
-F64 = NDArray[np.float64]
 F32 = NDArray[np.float32]
+F64 = NDArray[np.float64]
 NEIGHBORS = 10  # of the surfel graph: a full ring on a surface sampled by voxels
 SMOOTHNESS = 0.12  # per neighbour: ten neighbours outvote a neutral surfel, not a clear one
 NEUTRAL_COST = (
@@ -53,38 +54,50 @@ def build_graph(states: tuple[Surfels, Surfels]) -> Graph:
     return Graph(np.concatenate(ids).astype(np.int32), np.concatenate(weights).astype(np.float32))
 
 
-@parallel_kernel
-def _sweep(cost: F32, q: F32, neighbors: NDArray[np.int32], weights: F32, temperature: np.float32,
-           out: F32) -> None:
-    """Fill out [N, L] with the labels q after one damped step towards their neighbours'."""
-    labels, one, half = cost.shape[1], np.float32(1), np.float32(0.5)
-    for i in numba.prange(len(cost)):
-        for k in range(labels):
-            out[i, k] = cost[i, k]
-        for n in range(neighbors.shape[1]):
-            w, j = weights[i, n], neighbors[i, n]
-            for k in range(labels):
-                out[i, k] += w * (one - q[j, k])
-        low = out[i, 0]
-        for k in range(1, labels):
-            low = min(low, out[i, k])
-        total = np.float32(0)
-        for k in range(labels):
-            out[i, k] = np.exp((low - out[i, k]) / temperature)
-            total += out[i, k]
-        for k in range(labels):
-            out[i, k] = half * (out[i, k] / total + q[i, k])
+@inlined
+def _cost(match: float, target: int, miss: float, theirs: float) -> float:
+    """Return what a landing costs, at most a miss; theirs: the met surfel's share of the label."""
+    if target < 0:
+        return miss
+    return min(match + FOREIGN_COST * (1.0 - theirs), max(miss, FOREIGN_COST))
 
 
 @parallel_kernel
 def _costs(match: F64, target: NDArray[np.int64], miss: F64, far: F64,
-           q: NDArray[np.floating], out: F64) -> None:
-    """Fill out [N, L]: what the surfel met costs, at most a miss; far from its part, more."""
+           q: NDArray[np.floating], out: NDArray[np.floating]) -> None:
+    """Fill out [N, L or more]: what the surfel met costs; far from its part, more."""
     for i in numba.prange(len(match)):
         for k in range(match.shape[1]):
-            j, none = target[i, k], miss[i, k]
-            met = match[i, k] + FOREIGN_COST * (1.0 - q[j, k]) if j >= 0 else none
-            out[i, k] = (min(met, max(none, FOREIGN_COST)) if j >= 0 else none) + far[i, k]
+            j = target[i, k]
+            out[i, k] = far[i, k] + _cost(match[i, k], j, miss[i, k], q[max(j, 0), k])
+
+
+@parallel_kernel
+def _start(match: F64, target: NDArray[np.int64], miss: F64, temperature: float, out: F32) -> None:
+    """Fill out [N, L or more] with soft labels as if every surfel met were of the same part."""
+    for i in numba.prange(len(match)):
+        whole = 0.0
+        for k in range(match.shape[1]):
+            free = match[i, k] if target[i, k] >= 0 else miss[i, k]
+            out[i, k] = np.exp(-free / temperature)
+            whole += out[i, k]
+        for k in range(match.shape[1]):
+            out[i, k] /= whole
+
+
+@parallel_kernel
+def _energies(match: F64, target: NDArray[np.int64], miss: F64, far: F64, hard: NDArray[np.int64],
+              neighbors: NDArray[np.int32], weights: NDArray[np.float32], out: F64) -> None:
+    """Fill out [N] with what hard labels cost, each surfel alone and with its neighbours."""
+    for i in numba.prange(len(match)):
+        k = hard[i]
+        j = target[i, k]
+        theirs = 1.0 if hard[max(j, 0)] == k else 0.0
+        whole = far[i, k] + _cost(match[i, k], j, miss[i, k], theirs)
+        for n in range(neighbors.shape[1]):
+            if hard[neighbors[i, n]] != k:
+                whole += SMOOTHNESS * weights[i, n]
+        out[i] = whole
 
 
 @dataclass(frozen=True)
@@ -102,11 +115,15 @@ class Unary:
     miss: F64
     far: F64 | float = 0.0
 
+    @property
+    def everywhere(self) -> F64:
+        """`far` as an array [N, L] of its own: kernels are compiled for one kind of array."""
+        return np.full(self.match.shape, self.far, np.float64)
+
     def cost(self, q: NDArray[np.floating]) -> F64:
         """Return [N, L] costs given soft labels: a surface carried by another part is no match."""
         out = np.zeros_like(self.match)
-        far = np.ascontiguousarray(np.broadcast_to(np.asarray(self.far, np.float64), out.shape))
-        _costs(self.match, self.target, self.miss, far, np.ascontiguousarray(q), out)
+        _costs(self.match, self.target, self.miss, self.everywhere, q, out)
         return out
 
 
@@ -141,18 +158,13 @@ def label(unary: Unary, graph: Graph, rough: bool = False) -> tuple[NDArray[np.i
         graph: neighbours.
         rough: one sweep per temperature: enough to tell good sets of motions from bad ones.
     """
-    free = np.where(unary.target >= 0, unary.match, unary.miss)
-    q = np.exp(-free / TEMPERATURES[0])
-    q /= q.sum(1, keepdims=True)
-    q = q.astype(np.float32)
-    other, weights = np.zeros_like(q), np.float32(SMOOTHNESS) * graph.weights
+    parts, far = (unary.match, unary.target, unary.miss), unary.everywhere
+    q, cost = padded(np.zeros_like(unary.match), 0.0), padded(np.zeros_like(unary.match), NEVER)
+    _start(*parts, TEMPERATURES[0], q)
+    weights = (SMOOTHNESS * graph.weights).astype(np.float32)
     for temperature in TEMPERATURES:
-        cost = unary.cost(q).astype(np.float32)
-        for _ in range(1 if rough else SWEEPS):
-            _sweep(cost, q, graph.neighbors, weights, np.float32(temperature), other)
-            q, other = other, q
-    hard = q.argmax(1)
-    exact = unary.cost(np.eye(q.shape[1])[hard])
-    differ = hard[graph.neighbors] != hard[:, None]
-    energy = exact[np.arange(len(hard)), hard].sum() + SMOOTHNESS * (graph.weights * differ).sum()
-    return hard, float(energy)
+        _costs(*parts, far, q, cost)
+        q = descend(cost, q, graph.neighbors, weights, temperature, 1 if rough else SWEEPS)
+    hard, energies = q.argmax(1), np.zeros(len(q))
+    _energies(*parts, far, hard, graph.neighbors, graph.weights, energies)
+    return hard, float(energies.sum())
