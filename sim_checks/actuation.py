@@ -62,7 +62,7 @@ def check_actuation(subject: Subject) -> list[CheckResult]:
 
 
 def drive(subject: Subject, joint: DrivenJoint) -> Drive:
-    """Simulate the drive of one joint, the others held where state 0 is."""
+    """Simulate the drive of one joint, the others held where it needs them: mostly at state 0."""
     import mujoco
 
     model, data = subject.model, start(subject, joint, LOW)
@@ -99,7 +99,7 @@ def start(subject: Subject, joint: DrivenJoint, share: float) -> mujoco.MjData:
     import mujoco
 
     data = mujoco.MjData(subject.model)
-    data.qpos[:] = subject.at({joint.qpos: joint.low + share * joint.span})
+    data.qpos[:] = subject.at({joint.qpos: joint.low + share * joint.span}, joint)
     for other in subject.joints:
         if other.servo >= 0:
             data.ctrl[other.servo] = data.qpos[other.qpos]

@@ -85,10 +85,13 @@ class Poser:
         return deepest
 
 
+Swept = tuple[Curve, Worst]
+
+
 def check_interpenetration(
-    subject: Subject, steps: int, random_poses: int = RANDOM_POSES
+    subject: Subject, sweeps: dict[int, Swept], random_poses: int = RANDOM_POSES
 ) -> tuple[list[CheckResult], list[Curve]]:
-    """Sweep every joint and random combinations; return rows and one curve per joint."""
+    """Return rows and one curve per joint, of their sweeps and of random combinations."""
     rows, curves = [], []
     missing = [subject.body(b) for b, s in subject.solids.items() if s is None]
     if missing:
@@ -96,7 +99,7 @@ def check_interpenetration(
         rows.append(CheckResult("overlap", "", "incomplete", detail=detail))
     poser = Poser(subject)
     for joint in subject.joints:
-        curve, deepest = sweep(poser, joint, steps)
+        curve, deepest = sweeps[joint.index]
         curves.append(curve)
         rows += _joint_rows(subject, joint, curve, deepest)
     if subject.joints and random_poses:
@@ -104,13 +107,13 @@ def check_interpenetration(
     return rows, curves
 
 
-def sweep(poser: Poser, joint: DrivenJoint, steps: int) -> tuple[Curve, Worst]:
+def sweep(poser: Poser, joint: DrivenJoint, steps: int) -> Swept:
     """Return exact overlap and contact depth at evenly spaced positions of one joint."""
     positions = np.linspace(joint.low, joint.high, steps)
     pairs = [p for p in poser.pairs if (p[0] in joint.moved) != (p[1] in joint.moved)]
     volumes, depths, contacts, worst = [], [], [], Worst()
     for q in positions:
-        poser.pose(poser.subject.at({joint.qpos: float(q)}))
+        poser.pose(poser.subject.at({joint.qpos: float(q)}, joint))
         found = poser.overlaps(pairs)
         deepest = deepest_of(found, float(q))
         worst = max(worst, deepest, key=lambda w: w.depth)
@@ -147,6 +150,7 @@ def _joint_rows(
 ) -> list[CheckResult]:
     limit = LIMIT * subject.size
     detail = "no overlap anywhere in the range"
+    detail += ", the others at state 1" if joint.index in subject.around else ""
     if worst.volume:
         detail = f"{_names(subject, worst.pair)} at {worst.position:.4g} {joint.unit}, "
         detail += f"{worst.volume:.3g} units^3"
@@ -161,6 +165,19 @@ def _joint_rows(
     ]
 
 
+def _combination(subject: Subject, rng: np.random.Generator, late: bool) -> F64:
+    """Return qpos with random joint positions.
+
+    Where joints wait for others, either those that go first are drawn, or, late, those that waited.
+    """
+    waiting = [j for j in subject.joints if j.index in subject.around]
+    first = [j for j in subject.joints if j.index not in subject.around]
+    late = late and bool(waiting)
+    drawn = waiting if late else first
+    values = {j.qpos: float(rng.uniform(j.low, j.high)) for j in drawn}
+    return subject.at(values, waiting[0] if late else None)
+
+
 def _names(subject: Subject, pair: Pair) -> str:
     return " and ".join(subject.body(b) for b in pair)
 
@@ -168,10 +185,9 @@ def _names(subject: Subject, pair: Pair) -> str:
 def _random_row(poser: Poser, count: int) -> CheckResult:
     """Return the deepest overlap over random joint combinations."""
     rng = np.random.default_rng(0)
-    joints, worst = poser.subject.joints, Worst()
-    for _ in range(count):
-        drawn = {j.qpos: float(rng.uniform(j.low, j.high)) for j in joints}
-        poser.pose(poser.subject.at(drawn))
+    worst = Worst()
+    for turn in range(count):
+        poser.pose(_combination(poser.subject, rng, bool(turn % 2)))
         worst = max(worst, deepest_of(poser.overlaps(poser.pairs)), key=lambda w: w.depth)
     detail = f"{count} random joint combinations"
     if worst.volume:

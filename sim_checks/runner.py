@@ -130,6 +130,7 @@ def _run(
     from part2gs_robotics.sim_checks import static
     from part2gs_robotics.sim_checks.actuation import check_actuation
     from part2gs_robotics.sim_checks.interpenetration import check_interpenetration
+    from part2gs_robotics.sim_checks.order import in_order
     from part2gs_robotics.sim_checks.self_intersection import check_self_intersections, warnings_of
     from part2gs_robotics.sim_checks.stability import check_stability
 
@@ -139,9 +140,11 @@ def _run(
     rows += static.check_inertia(subject) if "inertia" in wanted else []
     rows += static.check_limits(subject) if "limits" in wanted else []
     rows += static.check_states(subject, twin) if "states" in wanted else []
+    driven = wanted & {"actuation", "overlap", "stability"}
+    subject, sweeps = in_order(subject, steps) if driven else (subject, {})
     rows += check_actuation(subject) if "actuation" in wanted else []
     if "overlap" in wanted:
-        found, curves = check_interpenetration(subject, steps, poses)
+        found, curves = check_interpenetration(subject, sweeps, poses)
         rows += found
     stuck = {r.subject for r in rows if r.name == "reach" and r.status == "fail"}
     rows += check_stability(subject, stuck) if "stability" in wanted else []

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -64,6 +64,7 @@ class Subject:
         model: compiled.  joints: under test.  followers: (follower qpos, leader qpos, polynomial).
         meshes: true surfaces per body.  solids: their unions, None if open.  size: diagonal, units.
         states: qpos by keyframe name.  notes: what was changed or left out.
+        around: by index of a joint that waits for others, qpos that these have while it is driven.
     """
 
     model: mujoco.MjModel
@@ -74,14 +75,19 @@ class Subject:
     size: float
     states: dict[str, F64]
     notes: tuple[str, ...]
+    around: dict[int, F64] = field(default_factory=dict)
 
     def body(self, index: int) -> str:
         """Return the name of a body."""
         return self.model.body(index).name or f"body {index}"
 
-    def at(self, positions: dict[int, float]) -> F64:
-        """Return qpos with joints (by qpos address) set and their followers in place."""
-        qpos = self.model.qpos0.copy()
+    def at(self, positions: dict[int, float], driven: DrivenJoint | None = None) -> F64:
+        """Return qpos with joints (by qpos address) set and their followers in place.
+
+        The others are where the driven joint needs them, at the reference without one.
+        """
+        rest = self.around.get(driven.index) if driven else None
+        qpos = np.array(self.model.qpos0 if rest is None else rest)
         for address, value in positions.items():
             qpos[address] = value
         for follower, leader, poly in self.followers:

@@ -11,6 +11,7 @@ from part2gs_robotics.exporters.mjcf import write_mjcf
 from part2gs_robotics.se3 import make, rotation_from_rotvec
 from part2gs_robotics.sim_checks.geometry import depth, overlap, place, point_triangle_distance
 from part2gs_robotics.sim_checks.interpenetration import Poser, check_interpenetration, sweep
+from part2gs_robotics.sim_checks.order import in_order
 from part2gs_robotics.sim_checks.subject import Subject, make_subject
 from part2gs_robotics.synth import box, toy_cabinet_twin
 from part2gs_robotics.twin import Twin
@@ -78,7 +79,7 @@ def test_interfering_drawer_is_measured_exactly(tmp_path: Path) -> None:
 
 def test_clearance_gives_exactly_zero(tmp_path: Path) -> None:
     subject = subject_of(toy_cabinet_twin(3), tmp_path)
-    rows, curves = check_interpenetration(subject, 5, 8)
+    rows, curves = check_interpenetration(*in_order(subject, 5), 8)
     assert all(r.status == "pass" and r.value == 0.0 for r in rows)
     assert [len(c.positions) for c in curves] == [5, 5, 5]
 
@@ -93,6 +94,6 @@ CROSSING = """<mujoco><worldbody>
 
 def test_random_combinations_find_what_single_joints_do_not(tmp_path: Path) -> None:
     (tmp_path / "m.xml").write_text(CROSSING)
-    rows, _ = check_interpenetration(make_subject(tmp_path / "m.xml"), 21, 64)
+    rows, _ = check_interpenetration(*in_order(make_subject(tmp_path / "m.xml"), 21), 64)
     status = {r.subject: r.status for r in rows if r.name == "overlap"}
     assert status == {"x": "pass", "y": "pass", "": "fail"}
