@@ -12,13 +12,14 @@ from numpy.typing import NDArray
 from part2gs_robotics.fuse import TRUNCATION, Grid
 from part2gs_robotics.joints import Joint
 from part2gs_robotics.render_jit import kernel, parallel_kernel
-from part2gs_robotics.se3 import inverse
+from part2gs_robotics.se3 import inverses
 
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
 
 MOST_POSES = 160  # poses per sweep; more would step less than half a voxel at 192 voxels
 OUTSIDE = -1.5  # voxels: no surface passes beside a voxel that far outside
+COARSE_POSES = 17  # of a path: enough to measure how long it is
 FEWEST_POSES = 21  # the simulator checks measure interpenetration at 21 joint values
 
 
@@ -58,9 +59,14 @@ def chain(part: int, joints: Sequence[Joint], parents: Sequence[int],
         parents: parent part of parts 1..K.
         positions: joint positions of parts 1..K.
     """
-    out = np.eye(4)
+    return chains(part, joints, parents, np.asarray(positions, np.float64)[None])[0]
+
+
+def chains(part: int, joints: Sequence[Joint], parents: Sequence[int], positions: F64) -> F64:
+    """Return [P, 4, 4] `chain` of [P, K] joint positions."""
+    out = np.tile(np.eye(4), (len(positions), 1, 1))
     while part > 0:
-        out = joints[part - 1].transform(positions[part - 1]) @ out
+        out = joints[part - 1].transforms(positions[:, part - 1]) @ out
         part = parents[part - 1]
     return out
 
@@ -100,18 +106,18 @@ def sweep(part: int, carrier: int, joints: Sequence[Joint], parents: Sequence[in
                 paths.append((start, end))
     poses = []
     for start, end in paths:
-        def relative(t: float, a: F64 = start, b: F64 = end) -> F64:
-            q = a + t * (b - a)
-            return np.asarray(inverse(chain(part, joints, parents, q))
-                              @ chain(carrier, joints, parents, q))
+        def relative(count: int, a: F64 = start, b: F64 = end) -> F64:
+            q = a + np.linspace(0, 1, count)[:, None] * (b - a)
+            return np.asarray(inverses(chains(part, joints, parents, q))
+                              @ chains(carrier, joints, parents, q))
 
-        poses += [relative(t) for t in np.linspace(0, 1, _pose_count(relative, corners, step))]
-    return np.asarray(poses)
+        poses.append(relative(_pose_count(relative, corners, step)))
+    return np.concatenate(poses)
 
 
-def _pose_count(relative: Callable[[float], F64], corners: F64, step: float) -> int:
+def _pose_count(relative: Callable[[int], F64], corners: F64, step: float) -> int:
     """Return how many poses keep every corner's move below a step."""
-    coarse = np.stack([inverse(relative(t)) for t in np.linspace(0, 1, 17)])
+    coarse = inverses(relative(COARSE_POSES))
     path = np.einsum("pij,nj->pni", coarse[:, :3, :3], corners) + coarse[:, None, :3, 3]
     longest = float(np.linalg.norm(np.diff(path, axis=0), axis=2).sum(0).max())
     return int(np.clip(np.ceil(longest / step) + 1, FEWEST_POSES, MOST_POSES))

@@ -48,8 +48,12 @@ class Joint:
 
     def transform(self, q: float) -> NDArray[np.float64]:
         """Return [4, 4] world_at_q_from_world_at_0 of the part for joint position q."""
-        from part2gs_robotics.se3 import screw_motion
+        return self.transforms(np.array([q]))[0]
 
-        turn = q if self.kind in ("revolute", "screw") else 0.0
-        slide = q if self.kind == "prismatic" else self.pitch * turn
-        return screw_motion(self.axis, self.origin, turn, slide)
+    def transforms(self, q: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return [P, 4, 4] `transform` of [P] joint positions."""
+        from part2gs_robotics.se3 import screw_motions
+
+        turns = q if self.kind in ("revolute", "screw") else np.zeros_like(q)
+        slides = q if self.kind == "prismatic" else self.pitch * turns
+        return screw_motions(self.axis, self.origin, turns, slides)

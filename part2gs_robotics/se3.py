@@ -58,6 +58,24 @@ def screw_motion(axis: F64, origin: F64, turn: float, slide: float) -> F64:
     return make(rot, origin - rot @ origin + slide * axis)
 
 
+def screw_motions(axis: F64, origin: F64, turns: F64, slides: F64) -> F64:
+    """Return [P, 4, 4]: `screw_motion` of a unit axis for [P] turns (rad) and slides."""
+    axis, origin = np.asarray(axis, float), np.asarray(origin, float)
+    k, out = hat(axis), np.tile(np.eye(4), (len(turns), 1, 1))
+    sine, rest = np.sin(turns)[:, None, None], (1 - np.cos(turns))[:, None, None]
+    out[:, :3, :3] += sine * k + rest * (k @ k)
+    out[:, :3, 3] = origin - out[:, :3, :3] @ origin + np.asarray(slides)[:, None] * axis
+    return out
+
+
+def inverses(moves: F64) -> F64:
+    """Return the inverses of [P, 4, 4] rigid motions."""
+    out = np.tile(np.eye(4), (len(moves), 1, 1))
+    out[:, :3, :3] = moves[:, :3, :3].transpose(0, 2, 1)
+    out[:, :3, 3] = -np.einsum("pij,pj->pi", out[:, :3, :3], moves[:, :3, 3])
+    return out
+
+
 def screw_of(motion: F64, near: F64, least: float = SMALL_ANGLE,
              ) -> tuple[F64, F64, float, float]:
     """Return (axis, origin, turn, slide) of a [4, 4] motion; screw_motion makes it again.

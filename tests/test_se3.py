@@ -57,6 +57,18 @@ def test_a_turn_leaves_its_line_in_place_and_a_slide_shifts_along_it(seed):
     assert np.allclose(two, se3.screw_motion(axis, origin, 0.8, 0.5), atol=1e-13)
 
 
+def test_many_screws_at_once_are_each_its_own():
+    rng = np.random.default_rng(0)
+    axis = rng.normal(size=3)
+    axis /= np.linalg.norm(axis)
+    origin, turns = rng.normal(size=3), np.array([0.0, 1e-9, -0.4, np.pi, 7.0])
+    slides = rng.normal(size=5)
+    one = [se3.screw_motion(axis, origin, t, s) for t, s in zip(turns, slides, strict=True)]
+    many = se3.screw_motions(axis, origin, turns, slides)
+    assert np.allclose(many, one, atol=1e-14)
+    assert np.allclose(se3.inverses(many) @ one, np.eye(4), atol=1e-14)
+
+
 @pytest.mark.parametrize("turn", [1e-3, 1.0, 3.0, np.pi])
 def test_a_screw_is_read_off_its_motion(turn):
     for axis in AXES:
