@@ -76,10 +76,23 @@ def cross_cost(
 
 def _behind(means: NDArray[np.float32], normals: F64, view: F64) -> NDArray[np.float32]:
     """Return [N, 1] 0..1, how far a camera sees Gaussians from behind."""
-    rays = means + view[:3, :3].T @ view[:3, 3]  # from the camera
-    along = (rays * normals).sum(1) / np.maximum(np.linalg.norm(rays, axis=1), 1e-12)
-    low, high = BEHIND
-    return ((along - low) / (high - low)).clip(0.0, 1.0)[:, None].astype(np.float32)
+    out = np.zeros((len(means), 1), np.float32)
+    _fill_behind(means, normals, -view[:3, :3].T @ view[:3, 3], *BEHIND, out)
+    return out
+
+
+@parallel_kernel
+def _fill_behind(means: Floats, normals: F64, eye: F64, low: float, high: float,
+                 out: Floats) -> None:
+    """Fill out [N, 1] by the cosine between a normal and the ray from the eye."""
+    for i in prange(len(means)):
+        along, squared = 0.0, 0.0
+        for a in range(3):
+            ray = means[i, a] - eye[a]
+            along += ray * normals[i, a]
+            squared += ray * ray
+        along /= max(np.sqrt(squared), 1e-12)
+        out[i, 0] = min(max((along - low) / (high - low), 0.0), 1.0)
 
 
 @parallel_kernel
