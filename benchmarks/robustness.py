@@ -60,6 +60,7 @@ CASES = (
     Case("exposure of state 1", 1.3, edit="exposure"),
     *(Case("pixels", n, ("--size", str(n))) for n in (200, 800)),
     *(Case("seed", n, ("--seed", str(n))) for n in (1, 2)),
+    Case("depth images", 1, ("--depth",)),
     *(Case("parts given", n, build=f" --parts {n}") for n in (1, 2, 4, 7)),
 )  # fmt: skip
 
@@ -161,6 +162,8 @@ Lines: {", ".join(f"{name} {color}" for name, color in zip(names, COLORS, strict
 - `shadows that move`: lights cast shadows, which move with the parts.
 - `views`: below 20 photos per state a build refuses to start (exit 2).
 - `pose noise`: every camera is turned by a random angle of this size.
+- `depth images`: beside every photo, as the kit renders them.
+- `seed`: of the cameras' places.
 - `parts given`: `--parts`, right or wrong; the microwave has 1 moving part, the sektion cabinet 4.
 """
 
