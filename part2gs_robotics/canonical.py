@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,14 +31,22 @@ class Field:
         reference_state: 0 or 1, the state richer in motion.
         richness_weight: lambda of eq. 3, the weight of state 0, in [0, 1].
         richness: (D_{0->1}, D_{1->0}), scene units.
-        matches: [M, 2] indices into state 0 and state 1; only a start for a search.
+        states: Gaussians of state 0 and state 1.
+        num_matches: bound of the matches.
     """
 
     gaussians: tuple[Gaussians, ...]
     reference_state: int
     richness_weight: float
     richness: tuple[float, float]
-    matches: I64
+    states: tuple[Gaussians, Gaussians]
+    num_matches: int
+
+    @cached_property
+    def matches(self) -> I64:
+        """[M, 2] indices into state 0 and state 1, seconds of work: only paper mode needs them."""
+        zero, one = (g.means.astype(np.float64) for g in self.states)
+        return match_hungarian(zero, one, self.num_matches)
 
     @property
     def weights(self) -> tuple[float, float]:
@@ -68,11 +77,10 @@ def canonical_field(
     richness = motion_richness(points0, points1), motion_richness(points1, points0)
     weight = richness_weight(*richness)
     reference = 0 if weight >= 0.5 else 1
-    matches = match_hungarian(points0, points1, num_matches)
-    both: tuple[Gaussians, ...] = (g0, g1)
-    if paper_mode:
-        both = (_averaged(both, matches, reference, weight),)
-    return Field(both, reference, weight, richness, matches)
+    field = Field((g0, g1), reference, weight, richness, (g0, g1), num_matches)
+    if not paper_mode:
+        return field
+    return replace(field, gaussians=(_averaged(field.states, field.matches, reference, weight),))
 
 
 def motion_richness(points: F64, other: F64, observed: NDArray[np.bool_] | None = None) -> float:
