@@ -241,14 +241,14 @@ def _fuse(lo: F64, voxel: float, projections: F64, depths: F32, labels: NDArray[
                 if count[6] >= SURE:
                     break
                 continue
+            depth, label, slope = depths[v], labels[v], facing[v]  # views cost more than a voxel
             for x in range(x0, x1):
                 p[0] = lo[0] + voxel * x
                 for y in range(y0, y1):
                     p[1] = lo[1] + voxel * y
                     for z in range(z0, z1):
                         p[2] = lo[2] + voxel * z
-                        _add_voxel(p, m, depths[v], labels[v], facing[v], part, trunc, voxel,
-                                   sums, x, y, z)
+                        _add_voxel(p, m, depth, label, slope, part, trunc, voxel, sums, x, y, z)
         for c in range(4, 7):
             if count[c] > 0.0:
                 sums[c, x0:x1, y0:y1, z0:z1] += np.float32(count[c])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numba
@@ -50,6 +51,17 @@ class Landing:
     claimed: F64
     reach: float
 
+    @cached_property
+    def cells(self) -> NDArray[np.int32]:
+        """[X, Y, Z] 2 (nearest + 1) + free: one look into memory tells both."""
+        return 2 * (self.nearest + np.int32(1)) + self.free.astype(np.int32)
+
+    @cached_property
+    def rows(self) -> F64:
+        """[M, 10] point, normal, colour and claim of every surfel, side by side in memory."""
+        s = self.surfels
+        return np.concatenate([s.points, s.normals, s.colors, self.claimed[:, None]], 1)
+
 
 def build_landing(
     surfels: Surfels, claimed: F64, maps: DepthMaps, lo: F64, hi: F64, voxel: float, reach: float
@@ -68,42 +80,42 @@ def build_landing(
 
 
 @inlined
-def _point_cost(p: F64, n: F64, c: F64, lo: F64, inv: float, nearest: NDArray[np.integer],
-                free: NDArray[np.generic], points: F64, normals: F64, colors: F64,
-                claimed: NDArray[np.generic], tau2: float) -> tuple[float, int, float]:
-    """Return (cost, index of the surfel met or -1, cost of meeting nothing) of one moved point."""
-    i, j, k = (
-        int(np.floor((p[0] - lo[0]) * inv)),
-        int(np.floor((p[1] - lo[1]) * inv)),
-        int(np.floor((p[2] - lo[2]) * inv)),
-    )
-    if (
-        i < 0
-        or j < 0
-        or k < 0
-        or i >= nearest.shape[0]
-        or j >= nearest.shape[1]
-        or k >= nearest.shape[2]
-    ):
+def _point_cost(moves: F64, h: int, points: F64, normals: F64, colors: F64, q: int, lo: F64,
+                inv: float, cells: NDArray[np.int32], rows: F64,
+                tau2: float) -> tuple[float, int, float]:
+    """Return (cost, index of the surfel met or -1, cost of meeting nothing): point q, motion h.
+
+    Numbers and no views of rows: both threads would count the references to the same array.
+    """
+    x, y, z = points[q, 0], points[q, 1], points[q, 2]
+    px = moves[h, 0, 0] * x + moves[h, 0, 1] * y + moves[h, 0, 2] * z + moves[h, 0, 3]
+    py = moves[h, 1, 0] * x + moves[h, 1, 1] * y + moves[h, 1, 2] * z + moves[h, 1, 3]
+    pz = moves[h, 2, 0] * x + moves[h, 2, 1] * y + moves[h, 2, 2] * z + moves[h, 2, 3]
+    i = int(np.floor((px - lo[0]) * inv))
+    j = int(np.floor((py - lo[1]) * inv))
+    k = int(np.floor((pz - lo[2]) * inv))
+    nx, ny, nz = cells.shape
+    if i < 0 or j < 0 or k < 0 or i >= nx or j >= ny or k >= nz:
         return FREE_COST, -1, FREE_COST
-    miss = FREE_COST if free[i, j, k] else HIDDEN_COST
-    m = nearest[i, j, k]
+    cell = cells[i, j, k]
+    miss, m = FREE_COST if cell & 1 else HIDDEN_COST, (cell >> 1) - 1
     if m < 0:
         return miss, -1, miss
-    d2 = 0.0
-    cosine = 0.0
-    tint = 0.0
-    plane = 0.0
-    for a in range(3):
-        gap = p[a] - points[m, a]
-        d2 += gap * gap
-        plane += gap * normals[m, a]
-        cosine += n[a] * normals[m, a]
-        tint += abs(c[a] - colors[m, a])
-    if cosine < NORMAL_LIMIT or d2 > tau2:
+    gx, gy, gz = px - rows[m, 0], py - rows[m, 1], pz - rows[m, 2]
+    d2 = gx * gx + gy * gy + gz * gz
+    if d2 > tau2:
         return miss, -1, miss
+    plane = gx * rows[m, 3] + gy * rows[m, 4] + gz * rows[m, 5]
+    x, y, z = normals[q, 0], normals[q, 1], normals[q, 2]
+    cosine = ((moves[h, 0, 0] * x + moves[h, 0, 1] * y + moves[h, 0, 2] * z) * rows[m, 3]
+              + (moves[h, 1, 0] * x + moves[h, 1, 1] * y + moves[h, 1, 2] * z) * rows[m, 4]
+              + (moves[h, 2, 0] * x + moves[h, 2, 1] * y + moves[h, 2, 2] * z) * rows[m, 5])
+    if cosine < NORMAL_LIMIT:
+        return miss, -1, miss
+    tint = (abs(colors[q, 0] - rows[m, 6]) + abs(colors[q, 1] - rows[m, 7])
+            + abs(colors[q, 2] - rows[m, 8]))
     cost = (plane * plane + TANGENT_SHARE * d2) / tau2 + 0.5 * (1.0 - cosine)
-    cost += min(tint / 3.0 / COLOR_SCALE, 1.0) * 0.5 + CLAIMED_COST * claimed[m]
+    cost += min(tint / 3.0 / COLOR_SCALE, 1.0) * 0.5 + CLAIMED_COST * rows[m, 9]
     if cost < miss:
         return cost, m, miss
     return miss, -1, miss
@@ -111,63 +123,35 @@ def _point_cost(p: F64, n: F64, c: F64, lo: F64, inv: float, nearest: NDArray[np
 
 @parallel_kernel
 def _score(moves: F64, points: F64, normals: F64, colors: F64, lo: F64, inv: float,
-           nearest: NDArray[np.integer], free: NDArray[np.generic], tp: F64, tn: F64, tc: F64,
-           tk: NDArray[np.generic], tau2: float) -> F64:
+           cells: NDArray[np.int32], rows: F64, tau2: float) -> F64:
     out = np.zeros(len(moves))
     for h in numba.prange(len(moves)):
-        m = moves[h]
         total = 0.0
-        p, n = np.zeros(3), np.zeros(3)
         for q in range(len(points)):
-            for a in range(3):
-                p[a] = (
-                    m[a, 0] * points[q, 0]
-                    + m[a, 1] * points[q, 1]
-                    + m[a, 2] * points[q, 2]
-                    + m[a, 3]
-                )
-                n[a] = m[a, 0] * normals[q, 0] + m[a, 1] * normals[q, 1] + m[a, 2] * normals[q, 2]
-            cost, _, _ = _point_cost(p, n, colors[q], lo, inv, nearest, free, tp, tn, tc, tk, tau2)
+            cost, _, _ = _point_cost(moves, h, points, normals, colors, q, lo, inv, cells, rows,
+                                     tau2)
             total += cost
         out[h] = total / len(points)
     return out
 
 
 @parallel_kernel
-def _land(m: F64, points: F64, normals: F64, colors: F64, lo: F64, inv: float,
-          nearest: NDArray[np.integer], free: NDArray[np.generic], tp: F64, tn: F64, tc: F64,
-          tk: NDArray[np.generic], tau2: float) -> tuple[F64, NDArray[np.int64], F64]:
+def _land(moves: F64, points: F64, normals: F64, colors: F64, lo: F64, inv: float,
+          cells: NDArray[np.int32], rows: F64, tau2: float) -> tuple[F64, NDArray[np.int64], F64]:
     cost, index, miss = (
         np.zeros(len(points)),
         np.zeros(len(points), np.int64),
         np.zeros(len(points)),
     )
     for q in numba.prange(len(points)):
-        p, n = np.zeros(3), np.zeros(3)
-        for a in range(3):
-            p[a] = (
-                m[a, 0] * points[q, 0] + m[a, 1] * points[q, 1] + m[a, 2] * points[q, 2] + m[a, 3]
-            )
-            n[a] = m[a, 0] * normals[q, 0] + m[a, 1] * normals[q, 1] + m[a, 2] * normals[q, 2]
-        cost[q], index[q], miss[q] = _point_cost(
-            p, n, colors[q], lo, inv, nearest, free, tp, tn, tc, tk, tau2
-        )
+        cost[q], index[q], miss[q] = _point_cost(moves, 0, points, normals, colors, q, lo, inv,
+                                                 cells, rows, tau2)
     return cost, index, miss
 
 
-def _arguments(target: Landing, tau: float) -> tuple[Any, ...]:
-    s = target.surfels
-    return (
-        target.lo,
-        1.0 / target.voxel,
-        target.nearest,
-        target.free,
-        s.points,
-        s.normals,
-        s.colors,
-        target.claimed,
-        tau * tau,
-    )
+def _arguments(source: Surfels, target: Landing, tau: float) -> tuple[Any, ...]:
+    return (source.points, source.normals, source.colors, target.lo, 1.0 / target.voxel,
+            target.cells, target.rows, tau * tau)
 
 
 def score_moves(moves: F64, source: Surfels, target: Landing, tau: float) -> F64:
@@ -176,9 +160,7 @@ def score_moves(moves: F64, source: Surfels, target: Landing, tau: float) -> F64
     A match costs its squared distance in units of tau plus normal and colour disagreement,
     an unobserved place HIDDEN_COST, a place that was seen empty FREE_COST.
     """
-    return np.asarray(
-        _score(moves, source.points, source.normals, source.colors, *_arguments(target, tau))
-    )
+    return np.asarray(_score(moves, *_arguments(source, target, tau)))
 
 
 def score_best(moves: F64, source: Surfels, target: Landing, tau: float) -> F64:
@@ -200,9 +182,7 @@ def land(
     move: F64, source: Surfels, target: Landing, tau: float
 ) -> tuple[F64, NDArray[np.int64], F64]:
     """Return per-point landing cost [N], met surfel [N] (-1 = none) and cost of no match [N]."""
-    cost, index, miss = _land(
-        move, source.points, source.normals, source.colors, *_arguments(target, tau)
-    )
+    cost, index, miss = _land(np.asarray(move)[None], *_arguments(source, target, tau))
     return cost, index, miss
 
 

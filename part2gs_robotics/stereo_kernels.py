@@ -66,17 +66,17 @@ def hull_span(values: F32, eye: F64, rays: F64, mask: NDArray[np.bool_], near: f
 
 
 @inlined
-def _difference(other: F32, u: float, v: float, r: float, g: float, b: float) -> float:
-    """Return the mean colour difference to an image at a place, TRUNCATED outside of it."""
-    if not (u >= 0.0 and v >= 0.0 and u < other.shape[1] - 1 and v < other.shape[0] - 1):
+def _difference(others: F32, n: int, u: float, v: float, r: float, g: float, b: float) -> float:
+    """Return the mean colour difference to image n at a place, TRUNCATED outside of it."""
+    if not (u >= 0.0 and v >= 0.0 and u < others.shape[2] - 1 and v < others.shape[1] - 1):
         return TRUNCATED
     i, j = int(v), int(u)
     fv, fu = v - i, u - j
     w00, w01, w10, w11 = (1 - fu) * (1 - fv), fu * (1 - fv), (1 - fu) * fv, fu * fv
     total = 0.0
     for c, mine in ((0, r), (1, g), (2, b)):
-        theirs = (w00 * other[i, j, c] + w01 * other[i, j + 1, c]
-                  + w10 * other[i + 1, j, c] + w11 * other[i + 1, j + 1, c])
+        theirs = (w00 * others[n, i, j, c] + w01 * others[n, i, j + 1, c]
+                  + w10 * others[n, i + 1, j, c] + w11 * others[n, i + 1, j + 1, c])
         total += abs(theirs - mine)
     return total / 3.0 if total < 3.0 * TRUNCATED else TRUNCATED
 
@@ -114,7 +114,7 @@ def matching_cost(image: F32, first: F32, last: F32, inverse: F64, rays: F64, ca
                     w = m[2, 0] * x + m[2, 1] * y + m[2, 2] * z + m[2, 3]
                     u = (m[0, 0] * x + m[0, 1] * y + m[0, 2] * z + m[0, 3]) / w - 0.5
                     v = (m[1, 0] * x + m[1, 1] * y + m[1, 2] * z + m[1, 3]) / w - 0.5
-                    seen[n] = _difference(others[n], u, v, r, g, b)
+                    seen[n] = _difference(others, n, u, v, r, g, b)
                 seen.sort()
                 behind = (1.0 / first[i, j] - inverse[k]) / (inverse[0] - inverse[1])
                 cost[i, j, k] = seen[:used].sum() / used + front * max(behind, 0.0)
