@@ -98,14 +98,19 @@ def _cores(proofs: NDArray[np.bool_], graph: Graph) -> NDArray[np.bool_]:
 
 
 def _core(proofs: NDArray[np.bool_], graph: Graph) -> NDArray[np.bool_]:
-    """Return the proofs amid proofs; a part that has no wide patch of them keeps narrow ones."""
-    fewest = KEPT * proofs.sum()
+    """Return the proofs amid proofs; a part that has no wide patch of them keeps narrow ones.
+
+    Wide patches keep their borders: the border of a proven wall is where its unseen side begins.
+    """
+    fewest, inner = KEPT * proofs.sum(), proofs
     for _ in range(SHELLS):
-        inner = proofs & (proofs[graph.neighbors].mean(1) >= AGREED)
-        if inner.sum() < fewest:
+        fewer = inner & (inner[graph.neighbors].mean(1) >= AGREED)
+        if fewer.sum() < fewest:
             break
-        proofs = inner
-    return proofs
+        inner = fewer
+    for _ in range(SHELLS):
+        inner = proofs & (inner | inner[graph.neighbors].any(1))
+    return inner
 
 
 def _far(proven: NDArray[np.bool_], surface: csr_matrix, diag: float) -> F64:

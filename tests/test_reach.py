@@ -69,9 +69,10 @@ def test_proofs_are_clear_and_stand_amid_proofs() -> None:
     hard = (np.arange(COUNT) >= 20).astype(np.int64)
     costs[:20], costs[20:] = (0.0, 1.0), (1.0, PROVEN + 0.01)  # the right half is too dear
     costs[30] = 1.0, 0.0  # clear, but alone
+    hard[33:37], costs[33:37] = 0, (0.0, 1.0)  # by chance: a patch of SHELLS surfels
     proven = _cores(_proofs(costs, hard), row_of_surfels().graph)
-    assert proven[: 20 - SHELLS, 0].all()
-    assert proven.sum() == 20 - SHELLS + 1  # the lone one is all its label has
+    assert proven[:20, 0].all()  # up to the border
+    assert proven.sum() == 20 + 1  # the lone one is all its label has
 
 
 def test_a_narrow_part_keeps_its_proofs() -> None:
