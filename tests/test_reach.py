@@ -11,7 +11,6 @@ from part2gs_robotics.reach import (
     FAR_COST,
     LEAD,
     PROVEN,
-    SHELLS,
     _cores,
     _far,
     _proofs,
