@@ -11,6 +11,8 @@ from part2gs_robotics.reach import (
     FAR_COST,
     LEAD,
     PROVEN,
+    SHELLS,
+    STAYS,
     _cores,
     _far,
     _proofs,
@@ -41,12 +43,26 @@ def ends() -> np.ndarray:
     return proven
 
 
-def test_the_nearer_end_wins_and_the_middle_is_a_tie() -> None:
+def test_the_nearer_end_wins_if_the_part_is_clearly_nearer_than_the_base() -> None:
     far = _far(ends(), _surface(row_of_surfels()), 10 / LEAD)
     index = np.arange(COUNT)
+    nearer = 2 * index - (COUNT - 1) - 10 * STAYS / LEAD  # the part than the base, in surfels
+    np.testing.assert_allclose(far[:, 0], FAR_COST * np.clip(nearer / 10, 0, 1))
+    np.testing.assert_allclose(far[:, 1], FAR_COST * np.clip(-nearer / 10, 0, 1))
+
+
+def test_between_moving_parts_the_middle_is_a_tie() -> None:
+    proven = np.insert(ends(), 0, False, axis=1)  # a base that is nowhere
+    far = _far(proven, _surface(row_of_surfels()), 10 / LEAD)
+    index = np.arange(COUNT)
     lead = np.clip((2 * index - (COUNT - 1)) / 10, 0, 1)  # how much nearer the far end is
-    np.testing.assert_allclose(far[:, 0], FAR_COST * lead)
-    np.testing.assert_allclose(far[:, 1], FAR_COST * lead[::-1])
+    np.testing.assert_allclose(far[:, 1], FAR_COST * lead)
+    np.testing.assert_allclose(far[:, 2], FAR_COST * lead[::-1])
+
+
+def test_what_no_proof_reaches_stays() -> None:
+    far = _far(np.zeros((COUNT, 2), bool), _surface(row_of_surfels()), 100.0)
+    np.testing.assert_allclose(far, np.tile([0.0, FAR_COST], (COUNT, 1)))
 
 
 def test_a_gap_cannot_be_crossed() -> None:
@@ -68,10 +84,9 @@ def test_proofs_are_clear_and_stand_amid_proofs() -> None:
     hard = (np.arange(COUNT) >= 20).astype(np.int64)
     costs[:20], costs[20:] = (0.0, 1.0), (1.0, PROVEN + 0.01)  # the right half is too dear
     costs[30] = 1.0, 0.0  # clear, but alone
-    hard[33:37], costs[33:37] = 0, (0.0, 1.0)  # by chance: a patch of SHELLS surfels
     proven = _cores(_proofs(costs, hard), row_of_surfels().graph)
-    assert proven[:20, 0].all()  # up to the border
-    assert proven.sum() == 20 + 1  # the lone one is all its label has
+    assert proven[: 20 - SHELLS, 0].all()
+    assert proven.sum() == 20 - SHELLS + 1  # the lone one is all its label has
 
 
 def test_a_narrow_part_keeps_its_proofs() -> None:
