@@ -194,6 +194,7 @@ def settled_motion(
     from part2gs_robotics.part_tree import flat
     from part2gs_robotics.physics_terms import part_diagnostics, physical_steps
     from part2gs_robotics.prune import joint_of
+    from part2gs_robotics.reach import STAYS
     from part2gs_robotics.small_views import small_views
 
     judge, search = Judge(study), search or SearchConfig()
@@ -213,7 +214,8 @@ def settled_motion(
         tree = nest(judge, joints, hard, config, (views, sharp))
     joints, parents = tree.joints, tree.parents
     clock.tick("alignment", 4, len(joints))
-    hard, costs = labels_under(judge, joints, tree.hard, config)
+    # Only now: joints are aligned better with what lies beside the hinge than without.
+    hard, costs = labels_under(judge, joints, tree.hard, config, STAYS)
     probs = part_probs(study, joints, costs, hard, config, parents)
     diagnostics, notes = part_diagnostics(study, joints, hard, config.paper_mode)
     diagnostics = tuple({**row, **(kept[n - 1] if n else {})}

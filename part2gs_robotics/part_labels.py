@@ -36,7 +36,7 @@ def start_labels(judge: Judge, verdict: Verdict, config: ArticulateConfig) -> La
 
 
 def labels_under(
-    judge: Judge, joints: list[Joint], hard: Labels, config: ArticulateConfig
+    judge: Judge, joints: list[Joint], hard: Labels, config: ArticulateConfig, stays: float = 0.0
 ) -> tuple[Labels, F64]:
     """Return surfel labels [N0 + N1] and costs [N0 + N1, K+1] under the joints.
 
@@ -46,9 +46,10 @@ def labels_under(
         hard: [N0 + N1] labels to start from.
         config: identity = what nothing shows goes to the nearest proven part, else every surfel
             to the motion that lands it best; in paper mode eq. 4 as printed follows.
+        stays: diagonals by which a part must be nearer than the base to what nothing shows.
     """
     if config.identity and not config.paper_mode:
-        return claim(judge, joints, hard)
+        return claim(judge, joints, hard, stays)
     costs = landing_costs(judge, [move_of(j) for j in joints])
     if not config.identity:
         return costs.argmin(1), costs

@@ -28,20 +28,23 @@ SHELLS = 4  # times that is asked: patches less than four surfels wide are such 
 KEPT = 0.25  # of a part's proofs at least: a drawer's front may be no wider than its handle
 REACH = 0.5  # of the diagonal, along the surface: farther apart all labels are equally far
 THROUGH = 0.0  # cosine of normals: a way goes round an edge, not through a thin wall
-STAYS = 0.03  # of the diagonal: ways to moving parts count as longer; a door touches its frame at
-# the hinge, and so is near to the room behind it (swept from 0 to 0.04 on nine scenes)
+# of the diagonal: at the end, ways to moving parts count as that much longer. A door touches its
+# frame at the hinge, and so is near to the room behind it (swept from 0 to 0.04 on nine scenes).
+STAYS = 0.03
 LEAD = 0.02  # of the diagonal, two surfels: what a way must be longer to count in full
 FAR_COST = 0.15  # half of what an unobserved place costs: breaks ties, outvotes no match
 ROUNDS = 2  # of proving and labelling; a third changes less than 0.1 % of the labels
 
 
-def claim(judge: Judge, joints: list[Joint], hard: Labels) -> tuple[Labels, F64]:
+def claim(judge: Judge, joints: list[Joint], hard: Labels,
+          stays: float = 0.0) -> tuple[Labels, F64]:
     """Return labels [N0 + N1] and costs [N0 + N1, K+1] with unobserved surfels claimed by reach.
 
     Args:
         judge: of the study.
         joints: of parts 1..K.
         hard: [N0 + N1] labels to start from.
+        stays: diagonals by which a moving part must be nearer than the base to claim a surfel.
     """
     study = judge.study
     moves = [np.eye(4), *(move_of(j) for j in joints)]
@@ -50,7 +53,7 @@ def claim(judge: Judge, joints: list[Joint], hard: Labels) -> tuple[Labels, F64]
     for _ in range(ROUNDS):
         costs = unary.cost(np.eye(len(moves))[hard])
         proofs = _proofs(costs, hard)
-        extra = _far(_cores(proofs, study.graph), surface, study.diag)
+        extra = _far(_cores(proofs, study.graph), surface, study.diag, stays)
         extra += _passing(study, costs, proofs, joints)
         hard, _ = label(Unary(unary.match, unary.target, unary.miss, extra), study.graph)
     normals = np.concatenate([s.normals for s in study.surfels])
@@ -110,7 +113,7 @@ def _core(proofs: NDArray[np.bool_], graph: Graph) -> NDArray[np.bool_]:
     return proofs
 
 
-def _far(proven: NDArray[np.bool_], surface: csr_matrix, diag: float) -> F64:
+def _far(proven: NDArray[np.bool_], surface: csr_matrix, diag: float, stays: float) -> F64:
     """Return [N, L] cost of being farther from what is proven to have a label than from others.
 
     Column 0 is the base: where a part is not clearly nearer, what nothing shows to move stays.
@@ -121,6 +124,6 @@ def _far(proven: NDArray[np.bool_], surface: csr_matrix, diag: float) -> F64:
         if own.any():
             way = dijkstra(surface, indices=np.flatnonzero(own), min_only=True, limit=reach)
             ways[:, k] = np.minimum(way, reach)
-    ways[:, 1:] += STAYS * diag
+    ways[:, 1:] += stays * diag
     behind = ways - ways.min(1, keepdims=True)
     return FAR_COST * np.minimum(behind / (LEAD * diag), 1.0)

@@ -44,7 +44,7 @@ def ends() -> np.ndarray:
 
 
 def test_the_nearer_end_wins_if_the_part_is_clearly_nearer_than_the_base() -> None:
-    far = _far(ends(), _surface(row_of_surfels()), 10 / LEAD)
+    far = _far(ends(), _surface(row_of_surfels()), 10 / LEAD, STAYS)
     index = np.arange(COUNT)
     nearer = 2 * index - (COUNT - 1) - 10 * STAYS / LEAD  # the part than the base, in surfels
     np.testing.assert_allclose(far[:, 0], FAR_COST * np.clip(nearer / 10, 0, 1))
@@ -53,7 +53,7 @@ def test_the_nearer_end_wins_if_the_part_is_clearly_nearer_than_the_base() -> No
 
 def test_between_moving_parts_the_middle_is_a_tie() -> None:
     proven = np.insert(ends(), 0, False, axis=1)  # a base that is nowhere
-    far = _far(proven, _surface(row_of_surfels()), 10 / LEAD)
+    far = _far(proven, _surface(row_of_surfels()), 10 / LEAD, STAYS)
     index = np.arange(COUNT)
     lead = np.clip((2 * index - (COUNT - 1)) / 10, 0, 1)  # how much nearer the far end is
     np.testing.assert_allclose(far[:, 1], FAR_COST * lead)
@@ -61,12 +61,12 @@ def test_between_moving_parts_the_middle_is_a_tie() -> None:
 
 
 def test_what_no_proof_reaches_stays() -> None:
-    far = _far(np.zeros((COUNT, 2), bool), _surface(row_of_surfels()), 100.0)
+    far = _far(np.zeros((COUNT, 2), bool), _surface(row_of_surfels()), 100.0, STAYS)
     np.testing.assert_allclose(far, np.tile([0.0, FAR_COST], (COUNT, 1)))
 
 
 def test_a_gap_cannot_be_crossed() -> None:
-    far = _far(ends(), _surface(row_of_surfels(gap_after=9)), 100.0)
+    far = _far(ends(), _surface(row_of_surfels(gap_after=9)), 100.0, STAYS)
     np.testing.assert_allclose(far[:10], np.tile([0.0, FAR_COST], (10, 1)))
     np.testing.assert_allclose(far[11:], np.tile([FAR_COST, 0.0], (COUNT - 11, 1)))
 
@@ -74,7 +74,7 @@ def test_a_gap_cannot_be_crossed() -> None:
 def test_a_way_does_not_lead_through_a_wall() -> None:
     study = row_of_surfels()
     study.surfels[1].normals[:] *= -1.0  # the other half faces away
-    far = _far(ends(), _surface(study), 100.0)
+    far = _far(ends(), _surface(study), 100.0, STAYS)
     np.testing.assert_allclose(far[:20], np.tile([0.0, FAR_COST], (20, 1)))
     np.testing.assert_allclose(far[20:], np.tile([FAR_COST, 0.0], (COUNT - 20, 1)))
 
