@@ -89,13 +89,34 @@ def _aligned(judge: Judge, joints: list[Joint], hard: Labels, sharp: Views,
     """Return joints that are nearly right after their last alignment."""
     study = judge.study
     labels = identity_labels(judge, joints, hard, config)
+    end = _final(judge, joints, labels, sharp)
+    if not all(_held(j) for j in end):  # labels made under a wrong joint hold it where it is
+        hard, _ = labels_under(judge, end, hard, config)
+        others = identity_labels(judge, end, hard, config)
+        again = _final(judge, end, others, sharp)
+        more = sum(_held(j) for j in again) > sum(_held(j) for j in end)
+        logger.info("settle: images do not hold every joint; labelled and aligned again: %s",
+                    "they hold more" if more else "no gain")
+        end, labels = (again, others) if more else (end, labels)
+    kept = judged(study.gaussians, labels, joints, end, sharp, LEAST_GAIN)
+    return with_missing_deviations(study.gaussians, labels, kept, sharp, study.diag)
+
+
+def _final(judge: Judge, joints: list[Joint], labels: tuple[Labels, Labels],
+           sharp: Views) -> list[Joint]:
+    """Return the joints aligned at full size, screws as turns where no image shows a rise."""
+    study = judge.study
     end = align(study.gaussians, labels, joints, sharp, study.diag, FINE, faces=study.faces)
     turns = plain(end, study.diag)
     if any(new is not old for new, old in zip(turns, end, strict=True)):
         logger.info("settle: a screw's rise is not proven by the images: a turn")
         end = align(study.gaussians, labels, turns, sharp, study.diag, FINE, faces=study.faces)
-    kept = judged(study.gaussians, labels, joints, end, sharp, LEAST_GAIN)
-    return with_missing_deviations(study.gaussians, labels, kept, sharp, study.diag)
+    return end
+
+
+def _held(joint: Joint) -> bool:
+    """Say whether the images hold a joint in every way (a slide's origin has no deviation)."""
+    return not np.isinf([joint.sigma_axis, joint.sigma_origin, joint.sigma_value]).any()
 
 
 def _alternate(

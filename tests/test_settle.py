@@ -14,7 +14,7 @@ from part2gs_robotics.joints import Joint
 from part2gs_robotics.judge import Judge
 from part2gs_robotics.motion_search import Hypothesis
 from part2gs_robotics.reach import claim
-from part2gs_robotics.settle import VETO, settle
+from part2gs_robotics.settle import VETO, _held, settle
 from part2gs_robotics.small_views import small_views
 
 pytestmark = pytest.mark.usefixtures("one_numba_thread")
@@ -94,3 +94,11 @@ def test_a_part_that_nothing_shows_does_not_spoil_the_others(judge, views, true_
     assert image_cost(judge, found, hard, views) <= (1 + VETO) * was
     assert miss(judge, found[:1], true_joints[:1]) < 0.003
     assert all(np.isfinite(j.axis).all() and np.isfinite(j.value) for j in found)
+
+
+@pytest.mark.parametrize("name", ["sigma_axis", "sigma_origin", "sigma_value"])
+def test_a_joint_is_held_unless_a_deviation_is_infinite(name) -> None:
+    slide = Joint("prismatic", np.array([0.0, 0.0, 1.0]), np.zeros(3), 0.1,
+                  sigma_axis=0.01, sigma_value=0.01)
+    assert _held(slide)  # its origin has no deviation
+    assert not _held(replace(slide, **{name: np.inf}))
