@@ -214,7 +214,7 @@ def settled_motion(
         tree = nest(judge, joints, hard, config, (views, sharp))
     joints, parents = tree.joints, tree.parents
     clock.tick("alignment", 4, len(joints))
-    # Only now: joints are aligned better with what lies beside the hinge than without.
+    # Only now: used while joints were still aligned, it cost one scene a door.
     hard, costs = labels_under(judge, joints, tree.hard, config, STAYS)
     probs = part_probs(study, joints, costs, hard, config, parents)
     diagnostics, notes = part_diagnostics(study, joints, hard, config.paper_mode)
