@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from part2gs_robotics import settle as settle_room
 from part2gs_robotics.config import ArticulateConfig
 from part2gs_robotics.cross_render import both_cost
 from part2gs_robotics.joint_fit import move_of
@@ -14,7 +15,7 @@ from part2gs_robotics.joints import Joint
 from part2gs_robotics.judge import Judge
 from part2gs_robotics.motion_search import Hypothesis
 from part2gs_robotics.reach import claim
-from part2gs_robotics.settle import VETO, _held, settle
+from part2gs_robotics.settle import VETO, _aligned, _final, _held, settle
 from part2gs_robotics.small_views import small_views
 
 pytestmark = pytest.mark.usefixtures("one_numba_thread")
@@ -94,6 +95,27 @@ def test_a_part_that_nothing_shows_does_not_spoil_the_others(judge, views, true_
     assert image_cost(judge, found, hard, views) <= (1 + VETO) * was
     assert miss(judge, found[:1], true_joints[:1]) < 0.003
     assert all(np.isfinite(j.axis).all() and np.isfinite(j.value) for j in found)
+
+
+@pytest.mark.parametrize("second_holds", [True, False])
+def test_alignment_is_made_again_where_a_joint_is_not_held(
+    judge, views, true_joints, monkeypatch, second_holds
+) -> None:
+    """The first alignment loses hold of a slide; the second is taken only if it holds it."""
+    calls = []
+
+    def losing(*args):
+        end = _final(*args)
+        calls.append(end)
+        lost = len(calls) == 1 or not second_holds
+        return [end[0], replace(end[1], sigma_axis=np.inf)] if lost else end
+
+    monkeypatch.setattr(settle_room, "_final", losing)
+    hard = judge.judge([hypothesis(j) for j in true_joints]).hard
+    found = _aligned(judge, true_joints, hard, views, ArticulateConfig())
+    assert len(calls) == 2
+    assert [_held(j) for j in found] == [True, second_holds]
+    assert miss(judge, found, true_joints) < 0.002
 
 
 @pytest.mark.parametrize("name", ["sigma_axis", "sigma_origin", "sigma_value"])
