@@ -8,17 +8,24 @@ from itertools import combinations
 
 import numpy as np
 
+from part2gs_robotics import se3
+from part2gs_robotics.bodies import at_home, pieces
 from part2gs_robotics.flips import calmed, righted
-from part2gs_robotics.judge import Judge, Verdict
+from part2gs_robotics.judge import MIN_SURFELS, PLAIN_ASKEW, Judge, Verdict
+from part2gs_robotics.landing import land
+from part2gs_robotics.motion_refine import refine
 from part2gs_robotics.motion_search import Hypothesis
 from part2gs_robotics.screws import risen
 from part2gs_robotics.study import Study
+from part2gs_robotics.surfels import Surfels
 
 DOUBT = 0.5  # of the price: what saves this much is tuned before it is turned down
 TUNE_ROUNDS = 3  # the third seldom changes anything
 TUNE_ANGLE = np.deg2rad(12.0)  # rad; drawers of one cabinet run parallel
 TUNE_STEPS = (-0.02, -0.01, -0.005, 0.0, 0.005, 0.01, 0.02)  # of the diagonal
-WHOLE = 0.65  # of the poorer state's surfels: most bodies meet more, two under one motion less
+PIECE_STEPS = (-0.04, -0.02, 0.0, 0.02, 0.04)  # of the diagonal: refinement reaches half a step
+WHOLE = 0.8  # of the poorer state's surfels: one body meets 0.66 and more, two under one motion
+# 0.22 to 0.65; what pays must pay all the same, so trying costs nothing but time
 HOPE = 2.0  # prices: two drawers cost that much more before tuning than after
 HOPELESS = 4.0  # prices above the set without it: no other earlier motion mends that
 SPLIT = 0.005  # of the diagonal: two slides nearer to each other in length are one
@@ -52,10 +59,17 @@ def decide(
             if two is best:
                 two = _two_at_once(judge, best, grown, pool, say)
             if two is best:
+                two = _parted(judge, best, say)
+            if two is best and gain >= price:
+                two = _further(judge, best, grown, pool, swap, say)
+            if two is best:
                 break
             grown = two
-            say(f"one slide was two: {len(grown.motions)} parts: cost {grown.cost:.4f}")
+            say(f"two in the place of one: {len(grown.motions)} parts: cost {grown.cost:.4f}")
         best = calmed(judge, grown, pool, say)
+        if best.askew >= PLAIN_ASKEW and len(best.motions) != parts:
+            # At once: what a false slide leaves unexplained, other false motions would explain.
+            best = _split(judge, best, pool, say)
         solid = best if best.coherent else solid
     if not best.coherent:
         bodies = judge.bodies(best)
@@ -121,20 +135,80 @@ def _two_at_once(judge: Judge, best: Verdict, grown: Verdict, pool: list[Hypothe
     return two if pays and two.coherent and two.improves(best) else best
 
 
+def _further(judge: Judge, best: Verdict, grown: Verdict, pool: list[Hypothesis], swap: bool,
+             say: Callable[[str], None]) -> Verdict:
+    """Return the verdict with a motion more than one that pays but is spoken against, or `best`.
+
+    A plain door alone may show the photos worse what a drawer behind it makes up for.
+    """
+    two, price = _grown(judge, grown, pool, False, swap, say)
+    pays = best.cost - two.cost >= 2 * price and grown.cost - two.cost >= price
+    say(f"with one more yet: {len(two.motions)} parts: cost {two.cost:.4f}, "
+        f"{grown.cost - two.cost:.4f} less; price {price:.4f}")
+    return two if pays and two.improves(best) else best
+
+
+def _parted(judge: Judge, verdict: Verdict, say: Callable[[str], None]) -> Verdict:
+    """Return the verdict with one motion replaced by a motion of each of its pieces, if that pays.
+
+    Drawers in far corners that are pulled out by nearly as much look like one body in two pieces.
+    Nothing joins them and they move differently: that is told half of what a part is worth.
+    """
+    study, sets = judge.study, []
+    for k, h in enumerate(verdict.motions):
+        apart = pieces(h, study.own(verdict.hard, k + 1), study.diag, MIN_SURFELS)
+        if len(apart) > 1:
+            own = [_own(judge, h, piece) for piece in apart[:2]]
+            if _differ(own, apart[1], SPLIT * study.diag):
+                sets.append([*verdict.motions[:k], *own, *verdict.motions[k + 1:]])
+    if not sets:
+        return verdict
+    found = judge.polished(judge.best_of(sets, verdict))
+    price = judge.price(found, verdict.cost)
+    if found.cost < verdict.cost + HOPE * price:
+        found = tune(judge, found, say)
+    gain, worth = verdict.cost - found.cost, DOUBT * price
+    say(f"a part's pieces on their own: {gain:.4f} less; price {worth:.4f}")
+    return found if gain >= worth and found.improves(verdict) else verdict
+
+
+def _own(judge: Judge, h: Hypothesis, piece: tuple[Surfels, Surfels]) -> Hypothesis:
+    """Return the motion near h, a slide also shorter or longer, that lands a piece best."""
+    study, (zero, one) = judge.study, judge.lands
+    ways = (0.0,) if h.kind else PIECE_STEPS
+    tries = [refine(replace(h, value=h.value + way * study.diag), piece, judge.lands, study.taus, 4)
+             for way in ways]
+
+    def cost(g: Hypothesis) -> float:
+        moves = (g.move, piece[0], one), (se3.inverse(g.move), piece[1], zero)
+        found = [land(move, own, there, study.tau) for move, own, there in moves]
+        return sum(float(np.where(target < 0, miss, match).sum()) for match, target, miss in found)
+
+    return min(tries, key=cost)
+
+
+def _differ(two: list[Hypothesis], piece: tuple[Surfels, Surfels], far: float) -> bool:
+    """Return whether two motions carry a piece to places farther apart than `far`, on average."""
+    points = at_home(two[1], piece)
+    gaps = se3.apply(two[0].move, points) - se3.apply(two[1].move, points)
+    return bool(np.linalg.norm(gaps, axis=1).mean() > far)
+
+
 def _split(judge: Judge, verdict: Verdict, pool: list[Hypothesis],
            say: Callable[[str], None]) -> Verdict:
-    """Return the verdict with one motion replaced by two parallel slides, itself if none pays.
+    """Return the verdict with one motion replaced by two parallel ones, itself if none pays.
 
     One motion between two drawers' explains both rather well: neither drawer alone is worth adding
-    to it, and neither is worth more in its place.
+    to it, and neither is worth more in its place. One shut and one opened look like a slide askew,
+    and of two doors like one door that swung across.
     """
     far = SPLIT * judge.study.diag
-    slides = [h for h in pool if not h.kind]
-    pairs = [(a, b) for a, b in combinations(slides, 2)
-             if a.axis @ b.axis > np.cos(TUNE_ANGLE) and abs(a.value - b.value) > far]
+    pairs = [pair for kind in (0, 1) for pair in _parallel(pool, kind, far)[:MOST_PAIRS]]
+    doubtful = ((judge.met(verdict.motions, verdict.hard) < WHOLE)
+                | (judge.leans(verdict.motions, verdict.hard) >= PLAIN_ASKEW))
     sets = [[*verdict.motions[:k], *pair, *verdict.motions[k + 1:]]
-            for k in np.flatnonzero(judge.met(verdict.motions, verdict.hard) < WHOLE)
-            for pair in pairs[:MOST_PAIRS]]
+            for k in np.flatnonzero(doubtful) for pair in pairs
+            if pair[0].kind == verdict.motions[k].kind]
     if not sets:
         return verdict
     found = judge.polished(judge.best_of(sets, verdict))
@@ -143,6 +217,14 @@ def _split(judge: Judge, verdict: Verdict, pool: list[Hypothesis],
         found = tune(judge, found, say)
     pays = verdict.cost - found.cost >= price
     return found if pays and found.improves(verdict) else verdict
+
+
+def _parallel(pool: list[Hypothesis], kind: int, far: float,
+              ) -> list[tuple[Hypothesis, Hypothesis]]:
+    """Return the pairs of motions of one kind along parallel axes; slides that differ by `far`."""
+    return [(a, b) for a, b in combinations([h for h in pool if h.kind == kind], 2)
+            if abs(a.axis @ b.axis) > np.cos(TUNE_ANGLE)
+            and (kind or np.linalg.norm(a.axis * a.value - b.axis * b.value) > far)]
 
 
 def tune(judge: Judge, verdict: Verdict, say: Callable[[str], None]) -> Verdict:

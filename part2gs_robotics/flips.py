@@ -15,7 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from part2gs_robotics import se3
-from part2gs_robotics.judge import NEAR, Judge, Verdict, arm_of, at_home
+from part2gs_robotics.bodies import at_home
+from part2gs_robotics.judge import NEAR, Judge, Verdict, arm_of
 from part2gs_robotics.motion_refine import refine
 from part2gs_robotics.motion_search import Hypothesis
 from part2gs_robotics.surfels import Surfels

@@ -9,6 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from part2gs_robotics import se3
+from part2gs_robotics.askew import askew
+from part2gs_robotics.bodies import at_home
 from part2gs_robotics.cross_render import both_cost
 from part2gs_robotics.labelling import Unary, label, unary_costs
 from part2gs_robotics.landing import unclaimed
@@ -30,6 +32,7 @@ MIN_SURFELS = 25  # in either state: less is the size of a floater
 # Of the poorer state's surfels, as many meet their own kind under a motion that is surely right,
 # one that may be, and one that only hides them: two drawers under one slide met 0.22 to 0.4.
 ALL_MET, MIN_MET, NONE_MET = 0.5, 0.35, 0.25
+PLAIN_ASKEW = 0.5  # halfway from the worst true drawer to a diagonal between two
 NEAR = 0.05  # of the diagonal: hinges of eleven scenes pass their parts by 0.036 at most
 SORTED = 10  # sets per step, the best by a rough labelling, that are labelled to the end
 SHOWN = 5  # sets per step that are rendered
@@ -46,6 +49,7 @@ class Verdict:
         met: of the motion that does so least, the share of its own surfels of one state that it
             carries onto those of the other.
         air: 0..1, how far the line of a turn passes its part, 1 = surely no hinge.
+        askew: 0..1, the most that a slide leaves its part's walls, 1 = surely no drawer's.
         short: whether one more motion would pay though their number was given.
     """
 
@@ -55,6 +59,7 @@ class Verdict:
     image_cost: float
     met: float = 1.0
     air: float = 0.0
+    askew: float = 0.0
     short: bool = False
 
     @property
@@ -66,10 +71,10 @@ class Verdict:
     def cost(self) -> float:
         """Cost without the price of the parts; dearer with a part that no made thing has.
 
-        That is one which is hardly one body, or turns about a line in the air.
+        That is one which is hardly one body, turns about a line in the air or slides askew.
         """
         torn = (ALL_MET - self.met) / (ALL_MET - NONE_MET)
-        strange = min(max(torn, 0.0), 1.0) + self.air
+        strange = min(max(torn, 0.0), 1.0) + self.air + self.askew
         return self.surfel_cost + self.image_cost + INCOHERENT * strange
 
     def improves(self, other: Verdict) -> bool:
@@ -77,21 +82,16 @@ class Verdict:
 
         A false part can show the photos what one state never saw, such as the inside of a lid, by
         moving something else there; then surfels land worse. A true part helps both. Bodies need
-        only cost less than what is none: that can hide the surfels of two parts rather well. Where
-        one motion that met few becomes two that meet theirs, images may speak against it a little.
+        only cost less than what is none: that can hide the surfels of two parts rather well; so can
+        a slide askew. Where one motion that met few becomes two that meet theirs, images may speak
+        against it a little.
         """
-        if self.coherent and not other.coherent:
+        if (self.coherent and not other.coherent) or self.askew < PLAIN_ASKEW <= other.askew:
             return self.cost < other.cost
         images = WHOLER if self.met > other.met + MORE_MET else AGAINST
         return (self.surfel_cost + self.image_cost < other.surfel_cost + other.image_cost
                 and self.surfel_cost < (1 + AGAINST) * other.surfel_cost
                 and self.image_cost < (1 + images) * other.image_cost)
-
-
-def at_home(h: Hypothesis, own: tuple[Surfels, Surfels]) -> F64:
-    """Return [n, 3] points of a part's surfels of both states, where they are in state 0."""
-    zero, one = own
-    return np.concatenate([zero.points, se3.apply(se3.inverse(h.move), one.points)])
 
 
 def arm_of(h: Hypothesis, own: tuple[Surfels, Surfels]) -> float:
@@ -132,7 +132,8 @@ class Judge:
     def sort_out(self, motions: list[Hypothesis], rough: bool = False,
                  ) -> tuple[NDArray[np.int64], float]:
         """Return the labelling of the surfels under the motions and its cost per surfel."""
-        hard, energy = label(self._unary(motions), self.study.graph, rough)
+        unary = self._unary(motions)
+        hard, energy = label(unary, self.study.graph, rough, unary.resting)
         return hard, energy / len(hard)
 
     def costs(self, motions: list[Hypothesis], hard: NDArray[np.int64]) -> F64:
@@ -155,11 +156,16 @@ class Judge:
             sets: of motions.
             above: sets that improve this verdict come before those that do not.
         """
-        rough = sorted(((self.sort_out(s, rough=True)[1], n) for n, s in enumerate(sets)))
+        rough = sorted((self._likely(s, self.sort_out(s, rough=True)), n)
+                       for n, s in enumerate(sets))
         ranked = sorted(((self.sort_out(sets[n]), sets[n]) for _, n in rough[:SORTED]),
-                        key=lambda pair: pair[0][1])
+                        key=lambda pair: self._likely(pair[1], pair[0]))
         return min((self.judge(s, known) for known, s in ranked[:SHOWN]),
                    key=lambda v: (above is not None and not v.improves(above), v.cost))
+
+    def _likely(self, motions: list[Hypothesis], known: tuple[NDArray[np.int64], float]) -> float:
+        """Return what a set costs before images see it: a few dozen sets must be sorted fast."""
+        return known[1] + INCOHERENT * float(self.leans(motions, known[0]).max(initial=0.0))
 
     def judge(
         self, motions: list[Hypothesis], known: tuple[NDArray[np.int64], float] | None = None
@@ -176,7 +182,13 @@ class Judge:
             self.study.light,
         )
         met = float(self.met(motions, hard).min(initial=1.0))
-        return Verdict(tuple(motions), hard, surfel_cost, image, met, self.air(motions, hard))
+        leans = float(self.leans(motions, hard).max(initial=0.0))
+        return Verdict(tuple(motions), hard, surfel_cost, image, met, self.air(motions, hard),
+                       leans)
+
+    def leans(self, motions: Sequence[Hypothesis], hard: NDArray[np.int64]) -> F64:
+        """Return [K] how surely every motion slides its part askew, 0..1."""
+        return np.array([askew(h, self.study.own(hard, k + 1)) for k, h in enumerate(motions)])
 
     def air(self, motions: Sequence[Hypothesis], hard: NDArray[np.int64]) -> float:
         """Return the largest of what Verdict.air says of every turn."""

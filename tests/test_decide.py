@@ -9,7 +9,16 @@ import numpy as np
 import pytest
 
 from part2gs_robotics import se3
-from part2gs_robotics.decide import WHOLE, _split, _two_at_once, decide, tune
+from part2gs_robotics.decide import (
+    WHOLE,
+    _further,
+    _parallel,
+    _parted,
+    _split,
+    _two_at_once,
+    decide,
+    tune,
+)
 from part2gs_robotics.judge import (
     ALL_MET,
     INCOHERENT,
@@ -194,6 +203,46 @@ def test_bodies_need_only_cost_less_than_what_is_none(right):
     assert not right.improves(replace(torn, met=1.0)), "surfels speak against it"
     assert not right.improves(replace(torn, surfel_cost=torn.surfel_cost - INCOHERENT))
     assert torn.improves(replace(right, surfel_cost=right.surfel_cost + 0.1)), "on the way"
+
+
+def test_a_set_without_a_slide_askew_need_only_cost_less(right):
+    askew = replace(right, askew=0.6, surfel_cost=0.95 * right.surfel_cost)
+    assert askew.cost == pytest.approx(
+        right.cost - 0.05 * right.surfel_cost + 0.6 * INCOHERENT)
+    assert right.improves(askew)
+    assert not right.improves(replace(askew, askew=0.4)), "surfels speak against it"
+    assert not right.improves(replace(askew, surfel_cost=askew.surfel_cost - INCOHERENT))
+
+
+def test_parallel_motions_are_paired_by_kind_whichever_way_their_axes_point():
+    one, two = slide(X, 0.2), slide(-X, -0.3)
+    door, other = (Hypothesis(1, axis, np.zeros(3), 1.0) for axis in (Z, -Z))
+    pool = [one, door, slide(Y, 0.3), two, slide(X, 0.201), other]
+    assert _parallel(pool, 0, 0.05) == [(one, two), (two, pool[4])]
+    assert _parallel(pool, 1, 0.05) == [(door, other)]
+
+
+def test_pieces_of_one_motion_become_motions_of_their_own(judge, right, look_alikes, monkeypatch):
+    """One slide between two blocks' carries both, in two pieces; each piece has its own."""
+    between = judge.judge([WRONG["between"]])
+    said = []
+    found = _parted(judge, between, said.append)
+    assert sorted(h.value for h in found.motions) == pytest.approx([0.2, 0.3], abs=0.01)
+    assert found.cost < between.cost
+    assert "on their own" in said[-1]
+    assert _parted(judge, right, silent) is right, "bodies in one piece stay"
+    monkeypatch.setattr("part2gs_robotics.decide.SPLIT", 1.0)
+    assert _parted(judge, between, silent) is between, "as pieces must move differently"
+
+
+def test_what_pays_but_is_spoken_against_is_taken_with_one_more(judge, right, look_alikes):
+    none = judge.judge([])
+    first = judge.judge([look_alikes.truth[0]])
+    found = _further(judge, none, first, look_alikes.truth, True, silent)
+    assert len(found.motions) == 2
+    assert found.improves(none)
+    cheap = replace(right, image_cost=right.image_cost - 0.5)
+    assert _further(judge, cheap, first, look_alikes.truth, True, silent) is cheap
 
 
 def test_two_slides_are_found_where_one_between_them_does_not_pay(judge, right, look_alikes,

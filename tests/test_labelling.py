@@ -9,6 +9,7 @@ from part2gs_robotics import se3
 from part2gs_robotics.labelling import (
     FOREIGN_COST,
     NEUTRAL_COST,
+    UNSEEN_MOVES,
     Graph,
     Unary,
     build_graph,
@@ -70,6 +71,23 @@ def test_neighbours_outvote_a_neutral_surfel_but_not_a_clear_one():
     hard, energy = label(Unary(miss, none, miss), graph)
     assert hard[0] == 1
     assert energy == pytest.approx(0.12 * 20)  # ten cut neighbours, seen from both ends
+
+
+def test_what_nothing_shows_rests_and_the_energy_does_not_know():
+    """Unseen at rest and moved, ten neighbours half and half: a tie that goes to the base."""
+    neighbors = np.array([[j for j in range(11) if j != i] for i in range(11)])
+    graph = Graph(neighbors, np.ones((11, 10)))
+    none, miss = np.full((11, 2), -1), np.full((11, 2), NEUTRAL_COST)
+    unary = Unary(miss, none, miss)
+    hard, energy = label(unary, graph, sought=unary.resting)
+    assert not hard.any()
+    assert energy == pytest.approx(11 * NEUTRAL_COST)
+    seen = Unary(miss, none, np.tile([FREE_COST, NEUTRAL_COST], (11, 1)))
+    hard, energy = label(seen, graph, sought=seen.resting)
+    assert hard.all()  # seen empty at rest: a tie no more
+    assert energy == pytest.approx(11 * NEUTRAL_COST)
+    np.testing.assert_array_equal(seen.resting.miss[:, 0], FREE_COST)
+    np.testing.assert_allclose(seen.resting.miss[:, 1], NEUTRAL_COST + UNSEEN_MOVES)
 
 
 def test_the_graph_stays_within_a_state_and_prefers_alike_normals(slid):

@@ -1,0 +1,50 @@
+"""Askew slides: a made thing slides along its own walls, a chance likeness in any direction.
+
+One drawer shut and its neighbour opened look like one drawer that went through the shelf between.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from part2gs_robotics.motion_search import Hypothesis
+from part2gs_robotics.surfels import Surfels
+
+F64 = NDArray[np.float64]
+WAYS = 200  # directions tried, 8 deg apart at most: fitted normals are not better
+MOST = 400  # normals looked at: their mean is known to 0.02; every set of motions is asked
+# Mean |sin 2 angle| to the walls, above that of the best direction: ten true drawers 0 to 0.16,
+# a diagonal between two drawers 0.40, one at 45 deg to all but the side walls 0.5.
+FREE, FULL = 0.2, 0.4
+
+
+def askew(h: Hypothesis, own: tuple[Surfels, Surfels]) -> float:
+    """Return 0..1, how surely a slide runs neither along its part's walls nor across them.
+
+    A shape without walls (a ball) leans as much in every direction, so none of them is askew.
+
+    Args:
+        h: motion; 0 for what turns.
+        own: the part's surfels of both states.
+    """
+    normals = np.concatenate([own[0].normals, own[1].normals])  # a slide turns none of them
+    if h.kind or not len(normals):
+        return 0.0
+    normals = normals[:: 1 + len(normals) // MOST]
+    excess = _lean(normals, h.axis[None])[0] - _lean(normals, _half_sphere(WAYS)).min()
+    return float(np.clip((excess - FREE) / (FULL - FREE), 0.0, 1.0))
+
+
+def _lean(normals: F64, ways: F64) -> F64:
+    """Return [D] the mean of |sin 2 angle| between unit normals [n, 3] and directions [D, 3]."""
+    cosine = np.minimum(np.abs(ways @ normals.T), 1.0)
+    return np.asarray((2 * cosine * np.sqrt(1 - cosine**2)).mean(1))
+
+
+def _half_sphere(count: int) -> F64:
+    """Return [count, 3] unit directions, evenly over half a sphere (golden spiral)."""
+    step = np.arange(count) + 0.5
+    height, turn = step / count, np.pi * (1 + np.sqrt(5)) * step
+    flat = np.sqrt(1 - height**2)
+    return np.stack([flat * np.cos(turn), flat * np.sin(turn), height], 1)
