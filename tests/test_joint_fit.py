@@ -123,6 +123,17 @@ def test_a_slide_found_as_a_small_far_turn_becomes_a_slide(slid):
     assert np.degrees(np.arccos(min(1.0, joint.axis @ slid.axis))) < 2.0
 
 
+@pytest.mark.parametrize("share", [0.9, 0.95, 1.05])
+def test_a_slide_of_nearly_the_right_length_stays_a_slide(slid, share):
+    """A turn about a far line is refined from it: the slide is compared at its best as well."""
+    truth, own, lands = noisy(slid, 0.002, 1)
+    joint = choose_joint(replace(truth, value=share * truth.value), own, lands, TAU, DIAG, 0.5)
+    right = choose_joint(truth, own, lands, TAU, DIAG, 0.5)
+    assert joint.kind == "prismatic"
+    assert joint.value == pytest.approx(abs(share * slid.value))  # the images' length, for now
+    assert joint.bic["prismatic"] == pytest.approx(right.bic["prismatic"], rel=0.2)
+
+
 @pytest.mark.parametrize(("arm", "angle", "saved", "wins"), [
     (0.0, 1.0, 0.05, True),  # a line at the part, a large turn: a hinge
     (0.0, 0.05, 0.05, True),  # 50 of 1000: more than the price of a small turn

@@ -1,0 +1,74 @@
+"""Score `part2gs-robot build` on the kit's objects in other states than its own.
+
+    python benchmarks/other_states.py --kit PATH [--objects NAME ...]
+
+The kit's states open everything. Here some parts close while others open, some move little, some
+not at all. Rendering and scoring are the kit's, as in reconstruction_suite.py; objects that are not
+run keep their rows.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+import tempfile
+from pathlib import Path
+from typing import Any
+
+import yaml
+from reconstruction_suite import ROOT, arguments, insert, markdown, merged, run_kit, summary
+
+RESULTS = ROOT / "benchmarks/results/other_states.json"
+PAGE = ROOT / "docs/states.md"
+BEGIN, END = "<!-- states:begin -->", "<!-- states:end -->"
+# Name of the row: the kit's object, and per joint its value in both states (rad or scene units).
+STATES: dict[str, tuple[str, dict[str, tuple[float, float]]]] = {
+    "one_drawer_closes": (
+        "libero_wooden_cabinet",
+        {"middle_level": (0.0, -0.05), "bottom_level": (-0.09, -0.02)}),
+    "one_door_closes": (
+        "sektion_cabinet",
+        {"door_right_joint": (1.25, 0.0), "door_left_joint": (-0.5, -1.3),
+         "drawer_top_joint": (0.2, 0.02)}),
+    "one_drawer_one_door": (
+        "pm_31249_table", {"joint_0": (0.0, 0.12), "joint_3": (0.0, 0.45)}),
+    "laptop_92_deg": ("pm_10211_laptop", {"joint_1": (0.3, -1.3)}),
+    "microwave_14_deg": ("libero_microwave", {"microjoint": (-0.02, -0.26)}),
+    "trash_can_17_deg": ("pm_102209_trashcan", {"joint_2": (0.0, 0.3)}),
+    "dishwasher_door_alone": ("bigym_dishwasher", {"door_hinge": (0.05, 1.2)}),
+    "door_23_deg": ("robosuite_door", {"hinge": (0.0, 0.4)}),
+}
+
+
+def main() -> int:
+    """Run the kit if it is given, store its numbers, and write the table."""
+    args = arguments(__doc__.splitlines()[0], list(STATES))
+    if args.kit:
+        with tempfile.TemporaryDirectory() as temporary:
+            work = args.work or Path(temporary)
+            index = write_index(work)
+            found = run_kit(args, work, ["--index", str(index.resolve())])
+        earlier = json.loads(RESULTS.read_text())["rows"] if RESULTS.exists() else []
+        result = summary(found)
+        result["rows"] = merged(earlier, result["rows"])
+        RESULTS.write_text(json.dumps(result, indent=1) + "\n")
+    table = markdown(json.loads(RESULTS.read_text()), "benchmarks/other_states.py")
+    PAGE.write_text(insert(PAGE.read_text(), table, BEGIN, END))
+    sys.stdout.write(table)
+    return 0
+
+
+def write_index(folder: Path) -> Path:
+    """Write the kit's index of the entries and return it."""
+    entries: dict[str, dict[str, Any]] = {
+        name: {"object": thing, "licence": "as in the kit", "units": "as in the kit",
+               "move": {joint: list(values) for joint, values in move.items()}}
+        for name, (thing, move) in STATES.items()}
+    folder.mkdir(parents=True, exist_ok=True)
+    index = folder / "states.yaml"
+    index.write_text(yaml.safe_dump({"objects": entries}))
+    return index
+
+
+if __name__ == "__main__":
+    sys.exit(main())
