@@ -5,11 +5,12 @@ One drawer shut and its neighbour opened look like one drawer that went through 
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 from numpy.typing import NDArray
 
 from part2gs_robotics.motion_search import Hypothesis
-from part2gs_robotics.surfels import Surfels
 
 F64 = NDArray[np.float64]
 WAYS = 200  # directions tried, 8 deg apart at most: fitted normals are not better
@@ -19,16 +20,15 @@ MOST = 400  # normals looked at: their mean is known to 0.02; every set of motio
 FREE, FULL = 0.2, 0.4
 
 
-def askew(h: Hypothesis, own: tuple[Surfels, Surfels]) -> float:
+def askew(h: Hypothesis, normals: F64) -> float:
     """Return 0..1, how surely a slide runs neither along its part's walls nor across them.
 
     A shape without walls (a ball) leans as much in every direction, so none of them is askew.
 
     Args:
         h: motion; 0 for what turns.
-        own: the part's surfels of both states.
+        normals: [n, 3] unit, of the part in either state: a slide turns none of them.
     """
-    normals = np.concatenate([own[0].normals, own[1].normals])  # a slide turns none of them
     if h.kind or not len(normals):
         return 0.0
     normals = normals[:: 1 + len(normals) // MOST]
@@ -42,6 +42,7 @@ def _lean(normals: F64, ways: F64) -> F64:
     return np.asarray((2 * cosine * np.sqrt(1 - cosine**2)).mean(1))
 
 
+@lru_cache(1)
 def _half_sphere(count: int) -> F64:
     """Return [count, 3] unit directions, evenly over half a sphere (golden spiral)."""
     step = np.arange(count) + 0.5

@@ -106,6 +106,7 @@ class Judge:
     def __init__(self, study: Study) -> None:
         self.study = study
         self.lands = unclaimed(study.lands[0]), unclaimed(study.lands[1])
+        self._normals = np.concatenate([s.normals for s in study.surfels])
         self._columns: dict[int, tuple[Hypothesis, Unary]] = {}
         self.static = unary_costs([np.eye(4)], study.surfels, self.lands, study.tau)
 
@@ -188,7 +189,8 @@ class Judge:
 
     def leans(self, motions: Sequence[Hypothesis], hard: NDArray[np.int64]) -> F64:
         """Return [K] how surely every motion slides its part askew, 0..1."""
-        return np.array([askew(h, self.study.own(hard, k + 1)) for k, h in enumerate(motions)])
+        return np.array([0.0 if h.kind else askew(h, self._normals[hard == k + 1])
+                         for k, h in enumerate(motions)])
 
     def air(self, motions: Sequence[Hypothesis], hard: NDArray[np.int64]) -> float:
         """Return the largest of what Verdict.air says of every turn."""
