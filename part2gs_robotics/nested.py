@@ -196,16 +196,16 @@ def _rehung(judge: Judge, tree: Tree) -> Tree:
             continue  # what a carrier's turn backwards would explain just as well
         score = best.cost * (1 + _apart(judge, best, k))
         for p in range(len(tree.joints)):
-            if p == k or tree.parents[p]:
-                continue
+            if p == k or tree.parents[p] or not (motions[k].kind or motions[p].kind):
+                continue  # a slide on a slide is one on the base as well: nothing tells them apart
             guess = _beside(motions[k], move_of(tree.joints[p]), judge.study.own(best.hard, k + 1))
             trial = _replaced(judge, best, k, guess)
             if trial is None:
                 continue
             cost = trial.cost * (1 + _apart(judge, trial, k))
             logger.info("nested: part %d on part %d: %.4f, was %.4f", k + 1, p + 1, cost, score)
-            # The base is likelier than a carrier by as much as no part is than one more: two slides
-            # along one line, or turns about one, explain the same either way. A screw, which both
+            # The base is likelier than a carrier by as much as no part is than one more: two turns
+            # about one line explain the same either way. A screw, which both
             # together are as well, is rarer than a part on a part.
             price = judge.price(trial, score) * (-1 if best.motions[k].kind == SCREW else 1)
             if trial.coherent and cost < score - price:

@@ -13,8 +13,9 @@ from part2gs_robotics.joint_fit import move_of
 from part2gs_robotics.joints import Joint
 from part2gs_robotics.judge import Judge
 from part2gs_robotics.motion_search import Hypothesis
-from part2gs_robotics.nested import _beside, _swaps_sides, aligned, chains
+from part2gs_robotics.nested import _beside, _rehung, _swaps_sides, aligned, chains
 from part2gs_robotics.part_tree import Tree, carried, flat, ordered
+from part2gs_robotics.prune import joint_of
 from part2gs_robotics.small_views import small_views
 from part2gs_robotics.study import gather
 from part2gs_robotics.surfels import Surfels
@@ -168,3 +169,13 @@ def test_a_leaf_that_folds_over_does_not_stay_in_its_carriers_place():
     table, leaf = plate(rng, (0, 0, 0), (0.6, 0.4, 0)), plate(rng, (0.6, 0, 0), (1.2, 0.4, 0))
     folded = Hypothesis(1, np.array([0.0, 1, 0]), np.array([0.6, 0, 0]), np.pi, move_of(DOOR))
     assert not _swaps_sides(folded, leaf, table, 0.03)
+
+
+def test_a_slide_is_not_asked_whether_it_hangs_on_a_slide(look_alikes, caplog) -> None:
+    """Both states look the same either way: the base carries both, and nothing is compared."""
+    judge = Judge(look_alikes.study)
+    verdict = judge.judge(look_alikes.truth)
+    tree = flat([joint_of(judge, verdict, k) for k in (0, 1)], verdict.hard)
+    with caplog.at_level("INFO"):
+        assert _rehung(judge, tree) is tree
+    assert "nested:" not in caplog.text
