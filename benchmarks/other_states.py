@@ -9,18 +9,13 @@ run keep their rows.
 
 from __future__ import annotations
 
-import json
 import sys
-import tempfile
 from pathlib import Path
 from typing import Any
 
 import yaml
-from reconstruction_suite import ROOT, arguments, insert, markdown, merged, run_kit, summary
+from reconstruction_suite import ROOT, score_own
 
-RESULTS = ROOT / "benchmarks/results/other_states.json"
-PAGE = ROOT / "docs/states.md"
-BEGIN, END = "<!-- states:begin -->", "<!-- states:end -->"
 # Name of the row: the kit's object, and per joint its value in both states (rad or scene units).
 STATES: dict[str, tuple[str, dict[str, tuple[float, float]]]] = {
     "one_drawer_closes": (
@@ -42,20 +37,9 @@ STATES: dict[str, tuple[str, dict[str, tuple[float, float]]]] = {
 
 def main() -> int:
     """Run the kit if it is given, store its numbers, and write the table."""
-    args = arguments(__doc__.splitlines()[0], list(STATES))
-    if args.kit:
-        with tempfile.TemporaryDirectory() as temporary:
-            work = args.work or Path(temporary)
-            index = write_index(work)
-            found = run_kit(args, work, ["--index", str(index.resolve())])
-        earlier = json.loads(RESULTS.read_text())["rows"] if RESULTS.exists() else []
-        result = summary(found)
-        result["rows"] = merged(earlier, result["rows"])
-        RESULTS.write_text(json.dumps(result, indent=1) + "\n")
-    table = markdown(json.loads(RESULTS.read_text()), "benchmarks/other_states.py")
-    PAGE.write_text(insert(PAGE.read_text(), table, BEGIN, END))
-    sys.stdout.write(table)
-    return 0
+    return score_own(__doc__.splitlines()[0], list(STATES), "benchmarks/other_states.py",
+                     ROOT / "docs/states.md",
+                     lambda work: ["--index", str(write_index(work).resolve())])
 
 
 def write_index(folder: Path) -> Path:

@@ -17,7 +17,7 @@ import platform
 import subprocess
 import sys
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -41,12 +41,7 @@ def main() -> int:
     args = arguments(__doc__.splitlines()[0], OBJECTS)
     if args.kit:
         with tempfile.TemporaryDirectory() as temporary:
-            found = run_kit(args, args.work or Path(temporary))
-        RESULTS.parent.mkdir(parents=True, exist_ok=True)
-        earlier = json.loads(RESULTS.read_text())["rows"] if RESULTS.exists() else []
-        result = summary(found)
-        result["rows"] = merged(earlier, result["rows"])
-        RESULTS.write_text(json.dumps(result, indent=1) + "\n")
+            store(RESULTS, run_kit(args, args.work or Path(temporary)))
     if not RESULTS.exists():
         sys.stderr.write(f"{RESULTS}: not there yet. Expected an earlier run; give --kit PATH.\n")
         return 2
@@ -54,6 +49,38 @@ def main() -> int:
     README.write_text(insert(README.read_text(), table))
     sys.stdout.write(table)
     return 0
+
+
+def score_own(purpose: str, names: Sequence[str], script: str, page: Path,
+              flags: Callable[[Path], Sequence[str]]) -> int:
+    """Score a script's own objects with the kit and put their table into a page; return 0.
+
+    Args:
+        purpose: first line of the script's help.
+        names: of its objects.
+        script: benchmarks/NAME.py; its numbers are kept in benchmarks/results/NAME.json.
+        page: Markdown with markers of its own name around the table.
+        flags: writes what the kit needs into a folder and returns the kit's flags.
+    """
+    args, results = arguments(purpose, names), ROOT / f"benchmarks/results/{Path(script).stem}.json"
+    if args.kit:
+        with tempfile.TemporaryDirectory() as temporary:
+            work = args.work or Path(temporary)
+            store(results, run_kit(args, work, flags(work)))
+    table = markdown(json.loads(results.read_text()), script)
+    marks = (f"<!-- {page.stem}:{end} -->" for end in ("begin", "end"))
+    page.write_text(insert(page.read_text(), table, *marks))
+    sys.stdout.write(table)
+    return 0
+
+
+def store(results: Path, found: dict[str, Any]) -> None:
+    """Write the rows that were run beside the earlier ones."""
+    results.parent.mkdir(parents=True, exist_ok=True)
+    earlier = json.loads(results.read_text())["rows"] if results.exists() else []
+    result = summary(found)
+    result["rows"] = merged(earlier, result["rows"])
+    results.write_text(json.dumps(result, indent=1) + "\n")
 
 
 def arguments(purpose: str, objects: Sequence[str]) -> argparse.Namespace:

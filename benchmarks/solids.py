@@ -8,37 +8,23 @@ as in reconstruction_suite.py. Objects that are not run keep their rows.
 
 from __future__ import annotations
 
-import json
 import sys
-import tempfile
 from pathlib import Path
 
 import yaml
-from reconstruction_suite import ROOT, arguments, insert, markdown, merged, run_kit, summary
+from reconstruction_suite import ROOT, score_own
 from solids_models import mjcf
 from solids_more import THINGS
-
-RESULTS = ROOT / "benchmarks/results/solids.json"
-PAGE = ROOT / "docs/solids.md"
-BEGIN, END = "<!-- solids:begin -->", "<!-- solids:end -->"
 
 
 def main() -> int:
     """Run the kit if it is given, store its numbers, and write the table."""
-    args = arguments(__doc__.splitlines()[0], list(THINGS))
-    if args.kit:
-        with tempfile.TemporaryDirectory() as temporary:
-            work = args.work or Path(temporary)
-            index = write_models(work / "models")
-            found = run_kit(args, work, ["--index", str(index), "--roots", str(index.parent)])
-        earlier = json.loads(RESULTS.read_text())["rows"] if RESULTS.exists() else []
-        result = summary(found)
-        result["rows"] = merged(earlier, result["rows"])
-        RESULTS.write_text(json.dumps(result, indent=1) + "\n")
-    table = markdown(json.loads(RESULTS.read_text()), "benchmarks/solids.py")
-    PAGE.write_text(insert(PAGE.read_text(), table, BEGIN, END))
-    sys.stdout.write(table)
-    return 0
+    def flags(work: Path) -> list[str]:
+        index = write_models(work / "models")
+        return ["--index", str(index), "--roots", str(index.parent)]
+
+    return score_own(__doc__.splitlines()[0], list(THINGS), "benchmarks/solids.py",
+                     ROOT / "docs/solids.md", flags)
 
 
 def write_models(folder: Path) -> Path:

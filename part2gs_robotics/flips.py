@@ -48,7 +48,7 @@ def righted(judge: Judge, verdict: Verdict, say: Callable[[str], None]) -> Verdi
         if not h.kind or h.carrier is not None or arm_of(h, own) < near:
             continue
         for guess in _flips(h, own, judge.study.diag):
-            new = refine(guess, own, judge.lands, judge.study.taus, 4)
+            new = refine(guess, own, judge.lands, judge.study.taus)
             if not new.kind or arm_of(new, own) > near:
                 continue
             trial = judge.judge([*best.motions[:k], new, *best.motions[k + 1:]])
@@ -78,7 +78,7 @@ def calmed(judge: Judge, verdict: Verdict, pool: list[Hypothesis], say: Callable
         own = judge.study.own(best.hard, k + 1)
         if not _central(h, own):
             continue
-        turned = [refine(guess, own, judge.lands, judge.study.taus, 4)
+        turned = [refine(guess, own, judge.lands, judge.study.taus)
                   for guess in _flips(h, own, judge.study.diag)]
         less = [new for new in (*turned, *pool)
                 if not new.kind or abs(new.value) < LESSER * abs(h.value)]

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from part2gs_robotics import se3
 from part2gs_robotics.joints import Joint, JointKind
-from part2gs_robotics.landing import Landing, land
-from part2gs_robotics.motion_refine import matches, refine
+from part2gs_robotics.landing import Landing
+from part2gs_robotics.motion_refine import distances, matches, misfit, refine
 from part2gs_robotics.motion_search import Hypothesis
 from part2gs_robotics.surfels import Surfels
 
@@ -130,11 +130,11 @@ def _as_kind(
     lands: tuple[Landing, Landing],
     tau: float,
 ) -> Hypothesis:
-    taus = (1.3 * tau, tau, 0.7 * tau)
+    taus = distances(tau)
     if h.kind == kind:  # refined already, and judged by the images
         return h
     if h.kind and kind:  # turn and screw, one from the other
-        return refine(replace(h, kind=kind, pitch=0.0), own, lands, taus, 4)
+        return refine(replace(h, kind=kind, pitch=0.0), own, lands, taus)
     centre = np.concatenate([own[0].points, se3.apply(se3.inverse(h.move), own[1].points)]).mean(0)
     if kind == 0:
         way = se3.apply(h.own, centre) - centre
@@ -142,7 +142,7 @@ def _as_kind(
         # A knob that turns about its own centre goes nowhere: any direction will do.
         axis = way / length if length > 0 else h.axis
         start = Hypothesis(0, axis, centre, length, h.carrier)
-        return refine(start, own, lands, taus, 4)
+        return refine(start, own, lands, taus)
     # A slide is a small turn about a far line: start from one that moves the centre alike.
     tries = []
     for side in np.linalg.svd(h.axis[None])[2][1:]:
@@ -150,34 +150,20 @@ def _as_kind(
             angle = 0.05  # rad; small enough to stay in the capture range of the fit
             origin = centre + sign * np.cross(h.axis, side) * h.value / angle
             start = Hypothesis(1, sign * side, origin, -angle, h.carrier)  # across arm and slide
-            start = (
-                start
-                if _cost(start, own, lands, tau) < _cost(_flip(start), own, lands, tau)
-                else _flip(start)
-            )
-            tries.append(refine(start, own, lands, taus, 4))
-    return min(tries, key=lambda t: _cost(t, own, lands, tau))
+            start = min(_flip(start), start, key=lambda t: misfit(t, own, lands, tau))
+            tries.append(refine(start, own, lands, taus))
+    return min(tries, key=lambda t: misfit(t, own, lands, tau))
 
 
 def _nearer(h: Hypothesis, own: tuple[Surfels, Surfels], lands: tuple[Landing, Landing],
             tau: float) -> Hypothesis:
     """Return the motion refined on its surfels, or as it is where that lands them no better."""
-    tries = h, refine(h, own, lands, (1.3 * tau, tau, 0.7 * tau), 4)
-    return min(tries, key=lambda t: _cost(t, own, lands, tau))
+    tries = h, refine(h, own, lands, distances(tau))
+    return min(tries, key=lambda t: misfit(t, own, lands, tau))
 
 
 def _flip(h: Hypothesis) -> Hypothesis:
     return replace(h, value=-h.value)
-
-
-def _cost(
-    h: Hypothesis, own: tuple[Surfels, Surfels], lands: tuple[Landing, Landing], tau: float
-) -> float:
-    zero, one = (
-        land(h.move, own[0], lands[1], tau)[0],
-        land(se3.inverse(h.move), own[1], lands[0], tau)[0],
-    )
-    return float(zero.sum() + one.sum())
 
 
 def _residuals(

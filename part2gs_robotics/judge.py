@@ -236,7 +236,7 @@ class Judge:
         for k, h in enumerate(verdict.motions):
             own = self.study.own(best.hard, k + 1)
             trial = [*motions]
-            trial[k] = refine(h, own, self.lands, self.study.taus, 4)
+            trial[k] = refine(h, own, self.lands, self.study.taus)
             new = self.judge(trial)
             if new.cost < best.cost:
                 best, motions = new, trial

@@ -14,6 +14,8 @@ from part2gs_robotics.surfels import Surfels
 
 F64 = NDArray[np.float64]
 INLIER_COST = 0.45  # HIDDEN_COST: a real surface was met, and better than nothing
+COARSE_TO_FINE = 1.3, 1.0, 0.7  # of the matching distance: a label's error is let in at first
+STEPS = 4  # per matching distance; matches have settled (tests/test_motion_refine.py)
 TANGENT_WEIGHT = 0.15  # flat faces say nothing sideways; colour edges and rims a little
 
 
@@ -31,7 +33,7 @@ def refine(
     sets: tuple[Surfels, Surfels],
     lands: tuple[Landing, Landing],
     taus: tuple[float, ...],
-    steps: int = 4,
+    steps: int = STEPS,
 ) -> Hypothesis:
     """Return the hypothesis after Gauss-Newton on point-to-plane residuals of both directions.
 
@@ -55,6 +57,18 @@ def refine(
             pairs = zero, zero_n, se3.apply(se3.inverse(carrier), one), one_n @ carrier[:3, :3]
             params = _step(guess.kind, params, pairs, tau)
     return _hypothesis(guess, params)
+
+
+def distances(tau: float) -> tuple[float, ...]:
+    """Return the matching distances of a refinement, decreasing, scene units."""
+    return tuple(share * tau for share in COARSE_TO_FINE)
+
+
+def misfit(h: Hypothesis, own: tuple[Surfels, Surfels], lands: tuple[Landing, Landing],
+           tau: float) -> float:
+    """Return what it costs to land a part's surfels of both states in the other one."""
+    ways = (h.move, own[0], lands[1]), (se3.inverse(h.move), own[1], lands[0])
+    return sum(float(land(*way, tau)[0].sum()) for way in ways)
 
 
 def _hypothesis(guess: Hypothesis, params: F64) -> Hypothesis:

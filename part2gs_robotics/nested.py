@@ -175,7 +175,7 @@ def _swaps_sides(h: Hypothesis, home: F64, body: F64, near: float) -> bool:
 def _polished(judge: Judge, verdict: Verdict) -> Verdict:
     """Return the verdict with its last motion refined on its own surfels where that helps."""
     last = refine(verdict.motions[-1], judge.study.own(verdict.hard, len(verdict.motions)),
-                  judge.lands, judge.study.taus, 4)
+                  judge.lands, judge.study.taus)
     new = judge.judge([*verdict.motions[:-1], last])
     return new if new.cost < verdict.cost else verdict
 
@@ -221,7 +221,7 @@ def _rehung(judge: Judge, tree: Tree) -> Tree:
 def _replaced(judge: Judge, verdict: Verdict, k: int, guess: Hypothesis) -> Verdict | None:
     """Return the verdict with one motion replaced; None where surfels alone speak against it."""
     study = judge.study
-    h = refine(guess, study.own(verdict.hard, k + 1), judge.lands, study.taus, 4)
+    h = refine(guess, study.own(verdict.hard, k + 1), judge.lands, study.taus)
     motions = [*verdict.motions[:k], h, *verdict.motions[k + 1:]]
     known = judge.sort_out(motions)
     return judge.judge(motions, known) if known[1] < (1 + AGAINST) * verdict.surfel_cost else None

@@ -17,6 +17,7 @@ from part2gs_robotics.joints import Joint
 from part2gs_robotics.judge import Judge, Verdict
 from part2gs_robotics.motion_search import Hypothesis
 from part2gs_robotics.part_tree import Tree
+from part2gs_robotics.split import TORN, torn
 
 logger = logging.getLogger(__name__)
 MUCH = 8.0  # prices: false parts that images did not hold saved 6 and 7, true doors 9 and 13
@@ -27,12 +28,17 @@ FIRM = 0.004
 
 
 def pruned(judge: Judge, tree: Tree) -> Tree:
-    """Return the tree without parts that no longer pay; the last one that moves stays."""
+    """Return the tree without parts that no longer pay; the last one that moves stays.
+
+    A part whose leaving puts what nothing joins under one motion need pay half.
+    """
     for k in reversed(range(len(tree.joints))):
         if not tree.known[k] or k + 1 in tree.parents or len(tree.joints) == 1:
             continue
         motions = [hypothesis_of(j) for j in tree.joints]
         now, rest, gain, price = _gain(judge, motions, k)
+        if price > gain >= TORN * price and torn(judge.study, rest) > torn(judge.study, now):
+            price *= TORN
         logger.info("prune: without part %d %.4f more; price %.4f", k + 1, gain, price)
         if gain < price or not now.improves(rest):
             parents = tree.parents[:k] + tree.parents[k + 1:]

@@ -24,7 +24,6 @@ from part2gs_robotics.align import (
 )
 from part2gs_robotics.config import ArticulateConfig
 from part2gs_robotics.cross_render import both_cost
-from part2gs_robotics.decide import tune
 from part2gs_robotics.joint_fit import hypothesis_of, move_of
 from part2gs_robotics.joints import Joint
 from part2gs_robotics.judge import Judge, Verdict
@@ -33,6 +32,7 @@ from part2gs_robotics.part_labels import identity_labels, labels_under
 from part2gs_robotics.reach import claim
 from part2gs_robotics.screws import plain
 from part2gs_robotics.small_views import SmallViews
+from part2gs_robotics.tuning import tune
 
 logger = logging.getLogger(__name__)
 Views = tuple[SmallViews, SmallViews]

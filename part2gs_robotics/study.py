@@ -16,6 +16,7 @@ from part2gs_robotics.faces import Faces, flat_faces
 from part2gs_robotics.gaussians import Gaussians
 from part2gs_robotics.labelling import Graph, build_graph
 from part2gs_robotics.landing import Landing, build_landing
+from part2gs_robotics.motion_refine import distances
 from part2gs_robotics.motion_select import FINE_TAU, Evidence
 from part2gs_robotics.scene import Scene
 from part2gs_robotics.shading import Light, light_of, unshaded
@@ -75,7 +76,7 @@ class Study:
     @property
     def taus(self) -> tuple[float, ...]:
         """Matching distances of a refinement, decreasing."""
-        return 1.3 * self.tau, self.tau, 0.7 * self.tau
+        return distances(self.tau)
 
     def gaussian_labels(
         self, hard: NDArray[np.int64]

@@ -10,14 +10,9 @@ import pytest
 
 from part2gs_robotics import se3
 from part2gs_robotics.decide import (
-    WHOLE,
     _further,
-    _parallel,
-    _parted,
-    _split,
     _two_at_once,
     decide,
-    tune,
 )
 from part2gs_robotics.judge import (
     ALL_MET,
@@ -184,19 +179,6 @@ def test_as_many_parts_are_found_as_pay(look_alikes):
     assert said[-1].startswith("tuned:")
 
 
-def test_one_slide_between_two_blocks_is_two(judge, right, look_alikes, monkeypatch):
-    """A set that stopped at a compromise is left for the two slides it lies between."""
-    compromise = judge.judge([WRONG["between"]])
-    assert compromise.met < WHOLE
-    pool = [WRONG["up"], *look_alikes.truth, WRONG["turn"]]
-    found = _split(judge, compromise, pool, silent)
-    assert sorted(h.value for h in found.motions) == pytest.approx([0.2, 0.3], abs=0.005)
-    assert _split(judge, compromise, [WRONG["up"], look_alikes.truth[0]], silent) is compromise
-    assert _split(judge, right, pool, silent) is right, "bodies are not split"
-    monkeypatch.setattr("part2gs_robotics.decide.WHOLE", 2.0)
-    assert _split(judge, right, pool, silent) is right, "not even when asked: it does not pay"
-
-
 def test_bodies_need_only_cost_less_than_what_is_none(right):
     torn = replace(right, met=0.0, surfel_cost=0.95 * right.surfel_cost)
     assert right.improves(torn)
@@ -212,27 +194,6 @@ def test_a_set_without_a_slide_askew_need_only_cost_less(right):
     assert right.improves(askew)
     assert not right.improves(replace(askew, askew=0.4)), "surfels speak against it"
     assert not right.improves(replace(askew, surfel_cost=askew.surfel_cost - INCOHERENT))
-
-
-def test_parallel_motions_are_paired_by_kind_whichever_way_their_axes_point():
-    one, two = slide(X, 0.2), slide(-X, -0.3)
-    door, other = (Hypothesis(1, axis, np.zeros(3), 1.0) for axis in (Z, -Z))
-    pool = [one, door, slide(Y, 0.3), two, slide(X, 0.201), other]
-    assert _parallel(pool, 0, 0.05) == [(one, two), (two, pool[4])]
-    assert _parallel(pool, 1, 0.05) == [(door, other)]
-
-
-def test_pieces_of_one_motion_become_motions_of_their_own(judge, right, look_alikes, monkeypatch):
-    """One slide between two blocks' carries both, in two pieces; each piece has its own."""
-    between = judge.judge([WRONG["between"]])
-    said = []
-    found = _parted(judge, between, said.append)
-    assert sorted(h.value for h in found.motions) == pytest.approx([0.2, 0.3], abs=0.01)
-    assert found.cost < between.cost
-    assert "on their own" in said[-1]
-    assert _parted(judge, right, silent) is right, "bodies in one piece stay"
-    monkeypatch.setattr("part2gs_robotics.decide.SPLIT", 1.0)
-    assert _parted(judge, between, silent) is between, "as pieces must move differently"
 
 
 def test_what_pays_but_is_spoken_against_is_taken_with_one_more(judge, right, look_alikes):
@@ -282,23 +243,6 @@ def test_without_hypotheses_or_with_wrong_ones_alone_nothing_moves(look_alikes):
     assert decide(look_alikes.study, [], None, silent).motions == ()
     assert decide(look_alikes.study, [], 2, silent).motions == ()
     assert decide(look_alikes.study, [WRONG["across"], WRONG["up"]], None, silent).motions == ()
-
-
-def test_tuning_repairs_lengths_that_are_off_by_a_hundredth(judge, right, look_alikes):
-    off = 0.01 * judge.study.diag
-    wrong = judge.judge([slide(X, 0.3 - off), slide(X, 0.2 + off)])
-    assert wrong.cost > right.cost + 0.01
-    found = tune(judge, wrong, silent)
-    assert found.cost == pytest.approx(right.cost, abs=1e-3)
-    assert [h.value for h in found.motions] == pytest.approx([0.3, 0.2], abs=0.003)
-    assert (found.hard == right.hard).mean() > 0.99
-
-
-def test_tuning_leaves_one_motion_and_turns_alone(judge, look_alikes):
-    one = judge.judge([slide(X, 0.28)])
-    assert tune(judge, one, silent) is one
-    turns = judge.judge([WRONG["turn"], replace(WRONG["turn"], value=1.0)])
-    assert tune(judge, turns, silent) is turns
 
 
 @pytest.mark.parametrize(("surfels", "images", "improves"), [

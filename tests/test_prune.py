@@ -7,10 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from part2gs_robotics.joint_fit import hypothesis_of
 from part2gs_robotics.joints import Joint
 from part2gs_robotics.judge import Judge
 from part2gs_robotics.part_tree import flat
-from part2gs_robotics.prune import FIRM, LOOSE, held, pruned
+from part2gs_robotics.prune import FIRM, LOOSE, _gain, held, pruned
+from part2gs_robotics.split import torn
 
 SIGMAS = pytest.mark.parametrize("sigma", [0.1, np.inf, np.nan])
 
@@ -85,3 +87,18 @@ def test_a_copy_no_longer_pays(judge, look_alikes, parts):
     first, second, copy = parts
     left = pruned(judge, tree_of(judge, look_alikes, first, second, copy))
     assert left.joints == [first, second]
+
+
+@pytest.mark.parametrize(("share", "stays"), [(0.9, True), (1.8, True), (2.2, False)])
+def test_a_part_without_which_one_motion_would_carry_what_nothing_joins_pays_half(
+        judge, look_alikes, parts, share, stays, monkeypatch):
+    """Beside `between`, the second block's own slide saves 1 / share of a part's price."""
+    _, second, _ = parts
+    between = replace(second, value=0.25)
+    tree = tree_of(judge, look_alikes, between, second)
+    now, rest, gain, _ = _gain(judge, [hypothesis_of(j) for j in tree.joints], 1)
+    assert torn(judge.study, rest) > torn(judge.study, now)
+    monkeypatch.setattr(Judge, "price", lambda *_: share * gain)
+    assert (len(pruned(judge, tree).joints) == 2) is stays
+    monkeypatch.setattr("part2gs_robotics.prune.torn", lambda *_: 0)
+    assert (len(pruned(judge, tree).joints) == 2) is (share < 1.0)

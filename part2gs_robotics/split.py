@@ -1,0 +1,116 @@
+"""Splitting: one motion that hides two parts rather well is left for one motion of each."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from itertools import combinations
+
+import numpy as np
+
+from part2gs_robotics import se3
+from part2gs_robotics.bodies import at_home, pieces
+from part2gs_robotics.judge import MIN_SURFELS, PLAIN_ASKEW, Judge, Verdict
+from part2gs_robotics.motion_refine import misfit, refine
+from part2gs_robotics.motion_search import Hypothesis
+from part2gs_robotics.study import Study
+from part2gs_robotics.surfels import Surfels
+from part2gs_robotics.tuning import PARALLEL, tune
+
+# Of the poorer state's surfels: one body meets 0.66 and more, two under one motion 0.22 to 0.65.
+# What pays must pay all the same, so trying costs nothing but time.
+WHOLE = 0.8
+MOST_PAIRS = 20  # of each kind tried in the place of each motion; a set takes about 30 ms
+HOPE = 2.0  # prices: two drawers cost that much more before tuning than after
+NEAR = 0.005  # of the diagonal: two motions that carry a piece nearer than that are one
+TORN = 0.5  # of the price of a part: that nothing joins what one motion would carry tells the rest
+PIECE_STEPS = (-0.04, -0.02, 0.0, 0.02, 0.04)  # of the diagonal: refinement reaches half a step
+
+
+def split(judge: Judge, verdict: Verdict, pool: list[Hypothesis],
+          say: Callable[[str], None]) -> Verdict:
+    """Return the verdict with one motion replaced by two parallel ones, itself if none pays.
+
+    One motion between two drawers' explains both rather well: neither drawer alone is worth adding
+    to it, and neither is worth more in its place. One shut and one opened look like a slide askew,
+    and of two doors like one door that swung across.
+
+    Args:
+        judge: of the study.
+        verdict: to improve.
+        pool: hypotheses.
+        say: told every step.
+    """
+    far = NEAR * judge.study.diag
+    pairs = [pair for kind in (0, 1) for pair in _parallel(pool, kind, far)[:MOST_PAIRS]]
+    doubtful = ((judge.met(verdict.motions, verdict.hard) < WHOLE)
+                | (judge.leans(verdict.motions, verdict.hard) >= PLAIN_ASKEW))
+    sets = [[*verdict.motions[:k], *pair, *verdict.motions[k + 1:]]
+            for k in np.flatnonzero(doubtful) for pair in pairs
+            if pair[0].kind == verdict.motions[k].kind]
+    found, price = _best(judge, verdict, sets, say)
+    pays = verdict.cost - found.cost >= price
+    return found if pays and found.improves(verdict) else verdict
+
+
+def parted(judge: Judge, verdict: Verdict, say: Callable[[str], None]) -> Verdict:
+    """Return the verdict with one motion replaced by a motion of each of its pieces, if that pays.
+
+    Drawers in far corners that are pulled out by nearly as much look like one body in two pieces.
+    Nothing joins them and they move differently: that is told half of what a part is worth.
+    """
+    study, sets = judge.study, []
+    for k, h in enumerate(verdict.motions):
+        apart = pieces(h, study.own(verdict.hard, k + 1), study.diag, MIN_SURFELS)
+        if len(apart) > 1:
+            own = [_own(judge, h, piece) for piece in apart[:2]]
+            if _differ(own, apart[1], NEAR * study.diag):
+                sets.append([*verdict.motions[:k], *own, *verdict.motions[k + 1:]])
+    found, price = _best(judge, verdict, sets, say)
+    if found is verdict:
+        return verdict
+    gain, worth = verdict.cost - found.cost, TORN * price
+    say(f"a part's pieces on their own: {gain:.4f} less; price {worth:.4f}")
+    return found if gain >= worth and found.improves(verdict) else verdict
+
+
+def torn(study: Study, verdict: Verdict) -> int:
+    """Return how many pieces the parts of a verdict have beyond one each."""
+    counts = [len(pieces(h, study.own(verdict.hard, k + 1), study.diag, MIN_SURFELS))
+              for k, h in enumerate(verdict.motions)]
+    return sum(max(count - 1, 0) for count in counts)
+
+
+def _best(judge: Judge, verdict: Verdict, sets: list[list[Hypothesis]],
+          say: Callable[[str], None]) -> tuple[Verdict, float]:
+    """Return the best of the sets, tuned where that may matter, and what it must save."""
+    if not sets:
+        return verdict, np.inf
+    found = judge.polished(judge.best_of(sets, verdict))
+    price = judge.price(found, verdict.cost)
+    if found.cost < verdict.cost + HOPE * price:  # lengths and labels are off until tuned
+        found = tune(judge, found, say)
+    return found, price
+
+
+def _own(judge: Judge, h: Hypothesis, piece: tuple[Surfels, Surfels]) -> Hypothesis:
+    """Return the motion near h, a slide also shorter or longer, that lands a piece best."""
+    study = judge.study
+    tries = [refine(replace(h, value=h.value + step * study.diag), piece, judge.lands, study.taus)
+             for step in ((0.0,) if h.kind else PIECE_STEPS)]
+    return min(tries, key=lambda g: misfit(g, piece, judge.lands, study.tau))
+
+
+def _differ(two: list[Hypothesis], piece: tuple[Surfels, Surfels], far: float) -> bool:
+    """Return whether two motions carry a piece to places farther apart than `far`, on average."""
+    points = at_home(two[1], piece)
+    gaps = se3.apply(two[0].move, points) - se3.apply(two[1].move, points)
+    return bool(np.linalg.norm(gaps, axis=1).mean() > far)
+
+
+def _parallel(pool: list[Hypothesis], kind: int, far: float,
+              ) -> list[tuple[Hypothesis, Hypothesis]]:
+    """Return the pairs of motions of one kind along parallel axes; slides that differ by `far`."""
+    return [(a, b) for a, b in combinations([h for h in pool if h.kind == kind], 2)
+            if abs(a.axis @ b.axis) > np.cos(PARALLEL)
+            and (kind or np.linalg.norm(a.axis * a.value - b.axis * b.value) > far)]
