@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from part2gs_robotics.align_pixels import CHANNELS, patch_sums, slopes
+from part2gs_robotics.align_pixels import CHANNELS, CHUNKS, patch_sums, slopes
 from part2gs_robotics.joints import Joint
 
 F64 = NDArray[np.float64]
@@ -38,16 +38,17 @@ class Patches:
         self._sums: list[tuple[F64, ...]] = []
 
     def add(self, rows: NDArray[np.intp], cols: NDArray[np.intp], z: F32,
-            gradients: tuple[F32, F32], own: F32, rates: F64, camera: tuple[F64, F64],
-            residual: F64, robust: float) -> None:
+            drawn: F32, own: F32, rates: F64, camera: tuple[F64, F64], residual: F64,
+            robust: float) -> None:
         """Add the pixels of one view."""
         K, view = camera
         shifts = np.zeros((3, 4, 4))
         shifts[range(3), range(3), 3] = self.span
         jac = np.zeros((len(rows), CHANNELS, len(rates) + 3))
         moves = np.concatenate([rates, shifts])
-        slopes(rows, cols, z, *gradients, own, moves, K, view, jac)
-        jac[:, :3] -= jac[:, :3].mean(0)
+        total = np.zeros((CHUNKS, 3, len(moves)))
+        slopes(rows, cols, z, drawn, own, moves, K, view, jac, total)
+        jac[:, :3] -= total.sum(0) / len(rows)
         depth = z[rows, cols].astype(np.float64)
         local = np.stack([(cols + 0.5 - K[0, 2]) / K[0, 0] * depth,
                           (rows + 0.5 - K[1, 2]) / K[1, 1] * depth, depth], 1)

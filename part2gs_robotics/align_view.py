@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import cv2
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +20,27 @@ MIN_OWN = 0.35  # share of a pixel a part must have to speak for it
 OCCLUSION = (
     0.01  # of the diagonal: something this much nearer moves the edge, not the part behind it
 )
+RIM = 3  # pixels that a part's depth is carried over its rim, where the blurred edge lies
+BLURRED = 4.0  # deviations that a blur reaches, in OpenCV as well
+
+
+@dataclass(frozen=True)
+class _Window:
+    """One part's share of a view: all that its pixels ask for, and no more.
+
+    Attributes:
+        color: [h, w, 3].  alpha, depth, share: [h, w].  photo: [h, w, 3] and mask [h, w].
+        K: [3, 3] of the window.  edges: rows and columns that begin and end where the image does.
+    """
+
+    color: F32
+    alpha: F32
+    depth: F32
+    share: F32
+    photo: F32
+    mask: F32
+    K: F64
+    edges: tuple[bool, bool, bool, bool]
 
 
 def add_view(
@@ -36,33 +59,57 @@ def add_view(
         blur: of both images, pixels.
         robust: colour difference at which a pixel counts a quarter.
     """
+    reach = RIM + int(np.ceil(BLURRED * blur)) + 1  # one more for the slope
+    for k, system in enumerate(systems):
+        window = _window(out, small, v, k + 1, reach)
+        if window is not None:
+            _add_part(system, rates[k], window, small.viewmats[v], diag, blur, robust)
 
+
+def _window(out: Rendered, small: SmallViews, v: int, part: int, reach: int) -> _Window | None:
+    """Return what a part shows of a view and `reach` pixels around it; None if that is nothing."""
+    shown = out.extra[..., part] > 0
+    rows, cols = np.flatnonzero(shown.any(1)), np.flatnonzero(shown.any(0))
+    if not len(rows):
+        return None
+    height, width = shown.shape
+    top, left = max(rows[0] - reach, 0), max(cols[0] - reach, 0)
+    bottom, right = min(rows[-1] + 1 + reach, height), min(cols[-1] + 1 + reach, width)
+    cut = slice(top, bottom), slice(left, right)
+    K = small.Ks[v].copy()
+    K[:2, 2] -= left, top
+    edges = top == 0, bottom == height, left == 0, right == width
+    return _Window(out.color[cut], out.alpha[cut], out.depth[cut],
+                   np.ascontiguousarray(out.extra[(*cut, part)]), small.colors[v][cut],
+                   small.alphas[v][cut], K, edges)
+
+
+def _add_part(system: System, rates: F64, w: _Window, view: F64, diag: float, blur: float,
+              robust: float) -> None:
     def soft(image: F32) -> F32:
         return cv2.GaussianBlur(image, (0, 0), blur)
 
-    color, alpha, share = out.color, out.alpha, out.extra
-    drawn = soft(cv2.merge([color, ALPHA_GAIN * alpha]))
-    photo = soft(cv2.merge([small.colors[v], ALPHA_GAIN * small.alphas[v]]))
-    across = 0.5 * (np.roll(drawn, -1, 1) - np.roll(drawn, 1, 1))
-    down = 0.5 * (np.roll(drawn, -1, 0) - np.roll(drawn, 1, 0))
-    z = np.where(alpha > 0.05, out.depth / np.maximum(alpha, 0.05), 0.0).astype(np.float32)
-    cover = soft(alpha)
-    for k, system in enumerate(systems):
-        own = soft(np.ascontiguousarray(share[..., k + 1])) / np.maximum(cover, 0.02)
-        pixels = (own > MIN_OWN) & (cover > 0.1) & ~_hidden_edge(z, share[..., k + 1], diag)
-        pixels[:2] = pixels[-2:] = pixels[:, :2] = pixels[:, -2:] = False
-        part_z = _spread_depth(z, share[..., k + 1])
-        pixels &= part_z > 0
-        if pixels.sum() > 20:
-            slopes_of = part_z, (across, down), photo - drawn, own.astype(np.float32)
-            _add_pixels(system, rates[k], np.nonzero(pixels), *slopes_of, small, v, robust)
+    drawn = soft(cv2.merge([w.color, ALPHA_GAIN * w.alpha]))
+    photo = soft(cv2.merge([w.photo, ALPHA_GAIN * w.mask]))
+    z = np.where(w.alpha > 0.05, w.depth / np.maximum(w.alpha, 0.05), 0.0).astype(np.float32)
+    cover = soft(w.alpha)
+    own = soft(w.share) / np.maximum(cover, 0.02)
+    pixels = (own > MIN_OWN) & (cover > 0.1) & ~_hidden_edge(z, w.share, diag)
+    for border, outer in zip((pixels[:2], pixels[-2:], pixels[:, :2], pixels[:, -2:]), w.edges,
+                             strict=True):
+        border &= not outer
+    part_z = _spread_depth(z, w.share)
+    pixels &= part_z > 0
+    if pixels.sum() > 20:
+        _add_pixels(system, rates, np.nonzero(pixels), part_z, drawn, photo, own, w.K, view, robust)
 
 
 def _spread_depth(z: F32, own: F32) -> F32:
-    """Depth of the part, carried a few pixels over its rim where the blurred edge lies."""
+    """Depth of the part, carried RIM pixels over its rim where the blurred edge lies."""
+    size = (2 * RIM + 1,) * 2
     inside = np.where((own > 0.5) & (z > 0), z, 0).astype(np.float32)
     weight = (inside > 0).astype(np.float32)
-    return cv2.blur(inside, (7, 7)) / np.maximum(cv2.blur(weight, (7, 7)), 1e-6)
+    return cv2.blur(inside, size) / np.maximum(cv2.blur(weight, size), 1e-6)
 
 
 def _hidden_edge(z: F32, own: F32, diag: float) -> NDArray[np.bool_]:
@@ -76,26 +123,26 @@ def _add_pixels(
     rates: F64,
     index: tuple[NDArray[np.intp], ...],
     z: F32,
-    gradients: tuple[F32, F32],
-    difference: F32,
+    drawn: F32,
+    photo: F32,
     own: F32,
-    small: SmallViews,
-    v: int,
+    K: F64,
+    view: F64,
     robust: float,
 ) -> None:
     rows, cols = index
-    jac = np.zeros((len(rows), CHANNELS, len(rates)))
-    slopes(rows, cols, z, *gradients, own, rates, small.Ks[v], small.viewmats[v], jac)
-    residual = difference[index].astype(np.float64)
+    jac, total = np.zeros((len(rows), CHANNELS, len(rates))), np.zeros((CHUNKS, 3, len(rates)))
+    slopes(rows, cols, z, drawn, own, rates, K, view, jac, total)
+    residual = photo[index].astype(np.float64) - drawn[index]
     # Light is fixed in the world: a turned face changes brightness as a whole, which is no motion.
     residual[:, :3] -= np.median(residual[:, :3], 0)
-    jac[:, :3] -= jac[:, :3].mean(0)
     if system.patches is not None:
-        camera = small.Ks[v], small.viewmats[v]
-        system.patches.add(rows, cols, z, gradients, own, rates, camera, residual, robust)
+        system.patches.add(rows, cols, z, drawn, own, rates, (K, view), residual, robust)
+    mean = np.zeros((CHANNELS, len(rates)))
+    mean[:3] = total.sum(0) / len(rows)
     h, g = np.zeros((CHUNKS, *system.h.shape)), np.zeros((CHUNKS, *system.g.shape))
     error, count = np.zeros(CHUNKS), np.zeros(CHUNKS)
-    sums(jac, residual, robust, h, g, error, count)
+    sums(jac, mean, residual, robust, h, g, error, count)
     system.h += h.sum(0)
     system.g += g.sum(0)
     system.error += float(error.sum())
