@@ -211,7 +211,7 @@ def settled_motion(
     if config.alignment and not config.paper_mode:
         side = search.sharp_side
         sharp = small_views(one, count, side), small_views(two, count, side)
-        tree = nest(judge, joints, hard, config, (views, sharp))
+        tree = nest(judge, joints, hard, config, (views, sharp), verdict.pool)
     joints, parents = tree.joints, tree.parents
     clock.tick("alignment", 4, len(joints))
     # Only now: used while joints were still aligned, it cost one scene a door.

@@ -34,7 +34,7 @@ def decide(
     best = solid = judge.judge([])
     say(f"nothing moves: cost {best.cost:.3f}")
     while pool and (parts is None or len(best.motions) < parts):
-        grown, price = _grown(judge, best, pool, parts is not None, swap, say)
+        grown, price = one_more(judge, best, pool, parts is not None, swap, say)
         gain = best.cost - grown.cost
         say(f"{len(grown.motions)} parts: cost {grown.cost:.4f}, {gain:.4f} less; "
             f"price {price:.4f}")
@@ -56,7 +56,7 @@ def decide(
         say(f"only {len(solid.motions)} of {len(best.motions)} parts are bodies of their own")
     short = parts is not None and len(solid.motions) == parts and _short(judge, solid, pool, say)
     found = risen(judge, righted(judge, tune(judge, solid, say), say), pool, say)
-    return replace(found, short=short)
+    return replace(found, short=short, pool=tuple(pool))
 
 
 def _otherwise(judge: Judge, best: Verdict, grown: Verdict, pool: list[Hypothesis], swap: bool,
@@ -81,9 +81,18 @@ def _otherwise(judge: Judge, best: Verdict, grown: Verdict, pool: list[Hypothesi
     return next((found for found in (way() for way in ways) if found is not best), best)
 
 
-def _grown(judge: Judge, best: Verdict, pool: list[Hypothesis], known: bool, swap: bool,
-           say: Callable[[str], None]) -> tuple[Verdict, float]:
-    """Return the verdict on the best set with one motion more, and what that must save."""
+def one_more(judge: Judge, best: Verdict, pool: list[Hypothesis], known: bool, swap: bool,
+             say: Callable[[str], None]) -> tuple[Verdict, float]:
+    """Return the verdict on the best set with one motion more, and what that must save.
+
+    Args:
+        judge: of the study.
+        best: verdict so far.
+        pool: hypotheses, one at least.
+        known: whether the number of parts is given; then the price is not asked.
+        swap: whether earlier motions are replaceable.
+        say: told every step.
+    """
     grown = judge.polished(judge.best_of([[*best.motions, h] for h in pool], best))
     price = judge.price(grown, best.cost)
     if swap and len(grown.motions) > 1 and (known or grown.cost < best.cost + HOPELESS * price):
@@ -98,7 +107,7 @@ def _grown(judge: Judge, best: Verdict, pool: list[Hypothesis], known: bool, swa
 
 def _short(judge: Judge, best: Verdict, pool: list[Hypothesis], say: Callable[[str], None]) -> bool:
     """Return whether one motion more would pay."""
-    more, price = _grown(judge, best, pool, False, False, say)
+    more, price = one_more(judge, best, pool, False, False, say)
     gain = best.cost - more.cost
     say(f"one part more than asked for: {gain:.4f} less; price {price:.4f}")
     return gain > price and more.improves(best)
@@ -142,7 +151,7 @@ def _further(judge: Judge, best: Verdict, grown: Verdict, pool: list[Hypothesis]
 
     A plain door alone may show the photos worse what a drawer behind it makes up for.
     """
-    two, price = _grown(judge, grown, pool, False, swap, say)
+    two, price = one_more(judge, grown, pool, False, swap, say)
     pays = best.cost - two.cost >= 2 * price and grown.cost - two.cost >= price
     say(f"with one more yet: {len(two.motions)} parts: cost {two.cost:.4f}, "
         f"{grown.cost - two.cost:.4f} less; price {price:.4f}")

@@ -51,6 +51,7 @@ class Verdict:
         air: 0..1, how far the line of a turn passes its part, 1 = surely no hinge.
         askew: 0..1, the most that a slide leaves its part's walls, 1 = surely no drawer's.
         short: whether one more motion would pay though their number was given.
+        pool: the motions that were to choose from, for parts that do not stay.
     """
 
     motions: tuple[Hypothesis, ...]
@@ -61,6 +62,7 @@ class Verdict:
     air: float = 0.0
     askew: float = 0.0
     short: bool = False
+    pool: tuple[Hypothesis, ...] = ()
 
     @property
     def coherent(self) -> bool:

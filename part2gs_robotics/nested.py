@@ -8,6 +8,7 @@ looked at; a scene that leaves nothing needs none of this.
 from __future__ import annotations
 
 import logging
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -25,7 +26,7 @@ from part2gs_robotics.motion_refine import refine
 from part2gs_robotics.motion_search import SCREW, Hypothesis, directions, search_patch
 from part2gs_robotics.motion_select import PATCH_POINTS, PATCH_RADIUS, SEARCH_TAU, farthest, spread
 from part2gs_robotics.part_tree import Tree, carried, flat, ordered
-from part2gs_robotics.prune import held, joint_of, pruned, refitted
+from part2gs_robotics.prune import held, joint_of, pruned, refitted, regrown
 from part2gs_robotics.reach import claim
 from part2gs_robotics.settle import settle
 from part2gs_robotics.small_views import SmallViews
@@ -48,11 +49,11 @@ FAR = 0.3  # of the diagonal
 
 
 def nest(judge: Judge, joints: list[Joint], hard: Labels, config: ArticulateConfig,
-         views: tuple[Views, Views]) -> Tree:
+         views: tuple[Views, Views], pool: Sequence[Hypothesis] = ()) -> Tree:
     """Return the joints settled, with parts that other parts carry, aligned to the images.
 
     A part that does not pay once joints are settled, or that the images do not hold in place, is
-    left out, and the others settle again.
+    left out or another motion has its place, and the others settle again.
 
     Args:
         judge: of the study.
@@ -60,19 +61,29 @@ def nest(judge: Judge, joints: list[Joint], hard: Labels, config: ArticulateConf
         hard: [N0 + N1] surfel labels, start.
         config: number of moving parts, if known, and seed.
         views: images of both states, small and sharp.
+        pool: motions to choose from for parts that do not stay.
     """
     tree = flat(*settle(judge, joints, hard, *views, config))
     if config.parts is None and len(joints) > 1:
-        paying = held(judge, pruned(judge, tree))
-        if len(paying.joints) < len(joints):
-            paying = refitted(judge, paying)
-            again = settle(judge, paying.joints, paying.hard, *views, config)
-            tree = replace(paying, joints=again[0], hard=again[1])
+        tree = _proven(judge, tree, config, views, pool)
     tree = chains(judge, tree, config.parts, np.random.default_rng(config.seed))
     if not any(tree.parents):
         return tree
     tree = aligned(judge, tree, views[1])
     return held(judge, tree) if config.parts is None else tree
+
+
+def _proven(judge: Judge, tree: Tree, config: ArticulateConfig, views: tuple[Views, Views],
+            pool: Sequence[Hypothesis]) -> Tree:
+    """Return a settled flat tree without parts that do not stay, settled again."""
+    paying = held(judge, pruned(judge, tree))
+    if len(paying.joints) == len(tree.joints):
+        return tree
+    left = refitted(judge, paying)
+    found = regrown(judge, tree, left, pool)
+    again = settle(judge, found.joints, found.hard, *views, config)
+    new = replace(found, joints=again[0], hard=again[1])
+    return new if found is left else _proven(judge, new, config, views, ())
 
 
 def chains(judge: Judge, tree: Tree, most: int | None, rng: np.random.Generator) -> Tree:

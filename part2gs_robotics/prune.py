@@ -1,16 +1,21 @@
 """Pruning: parts that leave again once joints are settled, and what stays put right.
 
-Before joints are settled a bend may look like a part, and before a carried part is known a turn
-about the base may have stood in for it.
+Before joints are settled a bend may look like a part, before a carried part is known a turn about
+the base may have stood in for it, and of two motions alike in cost the wrong one may be taken: then
+the images do not hold it, and another has its place.
 """
 
 from __future__ import annotations
 
 import logging
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
+from part2gs_robotics import se3
+from part2gs_robotics.bodies import at_home
+from part2gs_robotics.decide import one_more
 from part2gs_robotics.flips import righted
 from part2gs_robotics.joint_fit import choose_joint, hypothesis_of
 from part2gs_robotics.joints import Joint
@@ -25,6 +30,7 @@ LOOSE = 0.02  # rad: five times the loosest true part of eleven scenes; false on
 # rad: held so well, by images or by faces, a part is real though images do not show its way: plain
 # doors, drawers and lids 0.0015 to 0.002, a false part on a microwave's door 0.01.
 FIRM = 0.004
+ALIKE = 0.05  # of the diagonal: refinement takes motions nearer than that to one place
 
 
 def pruned(judge: Judge, tree: Tree) -> Tree:
@@ -33,7 +39,8 @@ def pruned(judge: Judge, tree: Tree) -> Tree:
     A part whose leaving puts what nothing joins under one motion need pay half.
     """
     for k in reversed(range(len(tree.joints))):
-        if not tree.known[k] or k + 1 in tree.parents or len(tree.joints) == 1:
+        proven = tree.parents[k] and not tree.known[k]  # it paid beside the settled others
+        if proven or k + 1 in tree.parents or len(tree.joints) == 1:
             continue
         motions = [hypothesis_of(j) for j in tree.joints]
         now, rest, gain, price = _gain(judge, motions, k)
@@ -97,10 +104,50 @@ def refitted(judge: Judge, tree: Tree) -> Tree:
     A part that left had part of the surface: what stayed may be the motion that fitted the rest.
     """
     old = judge.judge([hypothesis_of(j) for j in tree.joints])
-    new = righted(judge, old, lambda text: logger.info("prune: %s", text))
+    new = righted(judge, old, _say)
     joints = [j if a is b else joint_of(judge, new, k) for k, (j, a, b)
               in enumerate(zip(tree.joints, old.motions, new.motions, strict=True))]
     return replace(tree, joints=joints, hard=tree.hard if new is old else new.hard)
+
+
+def regrown(judge: Judge, before: Tree, after: Tree, pool: Sequence[Hypothesis]) -> Tree:
+    """Return the flat tree `after` with other motions in the place of parts that left, if they pay.
+
+    Args:
+        judge: of the study.
+        before: tree with the parts that left.
+        after: tree without them.
+        pool: motions to choose from; those that do as a part did that left are not asked again.
+    """
+    stayed = set(after.known)
+    gone = [k for k in range(len(before.joints)) if before.known[k] not in stayed]
+    others = [h for h in pool if not any(_alike(judge, before, k, h) for k in gone)]
+    best = start = judge.judge([hypothesis_of(j) for j in after.joints])
+    for _ in gone if others else ():
+        grown, price = one_more(judge, best, others, False, False, _say)
+        gain = best.cost - grown.cost
+        logger.info("prune: another motion saves %.4f; price %.4f", gain, price)
+        if gain < price or not (grown.coherent and grown.improves(best)):
+            break
+        best = grown
+    if best is start:
+        return after
+    stays = [any(h is old for old in start.motions) for h in best.motions]
+    joints = [after.joints[k] if old else joint_of(judge, best, k) for k, old in enumerate(stays)]
+    known = (*after.known, *(0,) * (len(joints) - len(after.joints)))
+    return Tree(joints, (0,) * len(joints), best.hard, known)
+
+
+def _alike(judge: Judge, tree: Tree, k: int, h: Hypothesis) -> bool:
+    """Return whether a motion carries a part to where its joint does."""
+    old = hypothesis_of(tree.joints[k])
+    points = at_home(old, judge.study.own(tree.hard, k + 1))
+    gaps = np.linalg.norm(se3.apply(old.move, points) - se3.apply(h.move, points), axis=1)
+    return bool(gaps.size and gaps.mean() < ALIKE * judge.study.diag)
+
+
+def _say(text: str) -> None:
+    logger.info("prune: %s", text)
 
 
 def joint_of(judge: Judge, verdict: Verdict, k: int) -> Joint:

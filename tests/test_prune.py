@@ -11,7 +11,7 @@ from part2gs_robotics.joint_fit import hypothesis_of
 from part2gs_robotics.joints import Joint
 from part2gs_robotics.judge import Judge
 from part2gs_robotics.part_tree import flat
-from part2gs_robotics.prune import FIRM, LOOSE, _gain, held, pruned
+from part2gs_robotics.prune import FIRM, LOOSE, _gain, held, pruned, regrown
 from part2gs_robotics.split import torn
 
 SIGMAS = pytest.mark.parametrize("sigma", [0.1, np.inf, np.nan])
@@ -102,3 +102,22 @@ def test_a_part_without_which_one_motion_would_carry_what_nothing_joins_pays_hal
     assert (len(pruned(judge, tree).joints) == 2) is stays
     monkeypatch.setattr("part2gs_robotics.prune.torn", lambda *_: 0)
     assert (len(pruned(judge, tree).joints) == 2) is (share < 1.0)
+
+
+def test_another_motion_has_the_place_of_a_part_that_left(judge, look_alikes, parts):
+    first, second, _ = parts
+    false = replace(second, axis=np.array([0.0, 1, 0]))
+    before = tree_of(judge, look_alikes, first, false)
+    after = replace(flat([first], judge.judge(look_alikes.truth[:1]).hard), known=(1,))
+    pool = [hypothesis_of(false), *look_alikes.truth]
+    found = regrown(judge, before, after, pool)
+    assert found.joints[0] is first
+    assert found.joints[1].value == pytest.approx(second.value, abs=0.005)
+    assert (found.parents, found.known) == ((0, 0), (1, 0))
+    np.testing.assert_array_equal(found.hard, judge.judge(
+        [hypothesis_of(j) for j in found.joints]).hard)
+    assert regrown(judge, before, after, pool[:2]) is after, "what is there or false is not taken"
+    assert regrown(judge, before, after, []) is after
+    assert regrown(judge, after, after, pool) is after, "where nothing left nothing is sought"
+    gone = tree_of(judge, look_alikes, first, second)
+    assert regrown(judge, gone, after, pool) is after, "nor is what left"
