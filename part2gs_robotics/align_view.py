@@ -93,7 +93,7 @@ def _add_part(system: System, rates: F64, w: _Window, view: F64, diag: float, bl
     photo = soft(cv2.merge([w.photo, ALPHA_GAIN * w.mask]))
     z = np.where(w.alpha > 0.05, w.depth / np.maximum(w.alpha, 0.05), 0.0).astype(np.float32)
     cover = soft(w.alpha)
-    own = soft(w.share) / np.maximum(cover, 0.02)
+    own: F32 = (soft(w.share) / np.maximum(cover, 0.02)).astype(np.float32)
     pixels = (own > MIN_OWN) & (cover > 0.1) & ~_hidden_edge(z, w.share, diag)
     for border, outer in zip((pixels[:2], pixels[-2:], pixels[:, :2], pixels[:, -2:]), w.edges,
                              strict=True):

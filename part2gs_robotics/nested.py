@@ -216,8 +216,8 @@ def _rehung(judge: Judge, tree: Tree) -> Tree:
             cost = trial.cost * (1 + _apart(judge, trial, k))
             logger.info("nested: part %d on part %d: %.4f, was %.4f", k + 1, p + 1, cost, score)
             # The base is likelier than a carrier by as much as no part is than one more: two turns
-            # about one line explain the same either way. A screw, which both
-            # together are as well, is rarer than a part on a part.
+            # about one line explain the same either way. A screw, which both together are as well,
+            # is rarer than a part on a part.
             price = judge.price(trial, score) * (-1 if best.motions[k].kind == SCREW else 1)
             if trial.coherent and cost < score - price:
                 best, parent, score = trial, p + 1, cost
