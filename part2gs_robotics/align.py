@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import logging
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,10 +32,12 @@ from part2gs_robotics.gaussians import Gaussians
 from part2gs_robotics.joint_fit import move_of
 from part2gs_robotics.joints import Joint
 from part2gs_robotics.render import render
+from part2gs_robotics.side_by_side import side_by_side
 from part2gs_robotics.small_views import SmallViews
 from part2gs_robotics.workspace import Workspace
 
 logger = logging.getLogger(__name__)
+F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
 
 
@@ -227,23 +230,30 @@ def _systems(
     patches: bool = False,
 ) -> list[tuple[System, System]]:
     """Return every part's systems in both directions, with patches where asked for."""
-    sizes = [len(p.offset) for p in poses]
-    both = []
-    for target in (0, 1):
-        systems = [System(np.zeros((n, n)), np.zeros(n)) for n in sizes]
+
+    def into(target: int) -> list[System]:
         source, g = 1 - target, gaussians[1 - target]
         moves = [np.eye(4), *(p.into(target) for p in poses)]
         means, quats = move_gaussians(g, labels[source], moves)
-        rates = [p.rates(target) for p in poses]
+        systems = [System(np.zeros((n, n)), np.zeros(n)) for n in (len(p.offset) for p in poses)]
         for k, system in enumerate(systems):
             system.patches = Patches(means[labels[source] == k + 1]) if patches else None
         hot = np.eye(len(poses) + 1, dtype=np.float32)[labels[source]]
-        small, work = views[target], Workspace()
         arrays = means, quats, g.scales, g.opacities, g.colors
-        for v in range(len(small.colors)):
-            height, width = small.alphas[v].shape
-            camera = small.viewmats[v], small.Ks[v], width, height
-            out = render(*arrays, *camera, extra=hot, workspace=work)
-            add_view(systems, rates, out, small, v, poses[0].diag, level.blur, level.robust)
-        both.append(systems)
-    return list(zip(*both, strict=True))
+        _add_views(systems, [p.rates(target) for p in poses], arrays, hot, views[target],
+                   poses[0].diag, level)
+        return systems
+
+    return list(zip(*side_by_side([partial(into, 0), partial(into, 1)]), strict=True))
+
+
+def _add_views(systems: list[System], rates: list[F64], arrays: tuple[F32, ...], hot: F32,
+               small: SmallViews, diag: float, level: Level) -> None:
+    """Add all views of one state to the systems; arrays and hot: moved Gaussians, their parts."""
+    work = Workspace()
+    means, quats, scales, opacities, colors = arrays
+    for v in range(len(small.colors)):
+        height, width = small.alphas[v].shape
+        out = render(means, quats, scales, opacities, colors, small.viewmats[v], small.Ks[v],
+                     width, height, extra=hot, workspace=work)
+        add_view(systems, rates, out, small, v, diag, level.blur, level.robust)

@@ -6,6 +6,8 @@ joint makes them look more like what the cameras saw in the other state.
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 from numba import prange
 from numpy.typing import NDArray
@@ -15,6 +17,7 @@ from part2gs_robotics.gaussians import Gaussians
 from part2gs_robotics.render import render
 from part2gs_robotics.render_jit import parallel_kernel
 from part2gs_robotics.shading import Light
+from part2gs_robotics.side_by_side import side_by_side
 from part2gs_robotics.small_views import SmallViews
 from part2gs_robotics.workspace import Workspace
 
@@ -128,12 +131,15 @@ def both_cost(
     the inside of its drawers, an open one can show how it looks closed. Turned parts are as bright
     as the light makes them, and their far side is no evidence.
     """
-    total = 0.0
-    for source, weight in enumerate(source_weight):
-        if weight > 0.02:  # a direction that counts for less than 2 % is not worth its renders
-            there = moves if source == 0 else [se3.inverse(m) for m in moves]
-            pair = gaussians[source], labels[source]
-            colors = light.colors(source, *pair, there) if light else None
-            normals = light.turned(source, labels[source], there) if light else None
-            total += weight * cross_cost(*pair, there, views[1 - source], colors, normals)
-    return total
+
+    def cost(source: int) -> float:
+        there = moves if source == 0 else [se3.inverse(m) for m in moves]
+        pair = gaussians[source], labels[source]
+        colors = light.colors(source, *pair, there) if light else None
+        normals = light.turned(source, labels[source], there) if light else None
+        return cross_cost(*pair, there, views[1 - source], colors, normals)
+
+    # A direction that counts for less than 2 % is not worth its renders.
+    asked = [source for source in (0, 1) if source_weight[source] > 0.02]
+    costs = side_by_side([partial(cost, source) for source in asked])
+    return sum(source_weight[s] * c for s, c in zip(asked, costs, strict=True))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +17,7 @@ from part2gs_robotics.labelling import Unary, label, unary_costs
 from part2gs_robotics.landing import unclaimed
 from part2gs_robotics.motion_refine import refine
 from part2gs_robotics.motion_search import Hypothesis
+from part2gs_robotics.side_by_side import side_by_side
 from part2gs_robotics.study import Study
 from part2gs_robotics.surfels import Surfels
 
@@ -159,12 +161,17 @@ class Judge:
             sets: of motions.
             above: sets that improve this verdict come before those that do not.
         """
-        rough = sorted((self._likely(s, self.sort_out(s, rough=True)), n)
-                       for n, s in enumerate(sets))
-        ranked = sorted(((self.sort_out(sets[n]), sets[n]) for _, n in rough[:SORTED]),
-                        key=lambda pair: self._likely(pair[1], pair[0]))
-        return min((self.judge(s, known) for known, s in ranked[:SHOWN]),
-                   key=lambda v: (above is not None and not v.improves(above), v.cost))
+        for motion in {id(h): h for s in sets for h in s}.values():
+            self._column(motion)  # before several threads ask for it
+        found = side_by_side([partial(self.sort_out, s, True) for s in sets])
+        rough = sorted((self._likely(s, known), n)
+                       for n, (s, known) in enumerate(zip(sets, found, strict=True)))
+        few = [sets[n] for _, n in rough[:SORTED]]
+        found = side_by_side([partial(self.sort_out, s) for s in few])
+        ranked = sorted(zip(found, few, strict=True),
+                        key=lambda pair: self._likely(pair[1], pair[0]))[:SHOWN]
+        shown = side_by_side([partial(self.judge, s, known) for known, s in ranked])
+        return min(shown, key=lambda v: (above is not None and not v.improves(above), v.cost))
 
     def _likely(self, motions: list[Hypothesis], known: tuple[NDArray[np.int64], float]) -> float:
         """Return what a set costs before images see it: a few dozen sets must be sorted fast."""
