@@ -1,26 +1,23 @@
 """Clearance: collision pieces of neighbours kept apart along the motion of every joint.
 
 Hulls of noisy walls stick out a little; where a drawer runs 3 mm beside a wall, a little is enough
-to block it. Two convex bodies have a separating plane: both are cut back to it.
+to block it. Two convex bodies have a separating plane: both are cut back to it. Where that costs
+too much, one of them closes an opening that the other passes: it is cut up around the passage.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import pairwise
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from part2gs_robotics.convex_planes import Facets, facets
 from part2gs_robotics.kinematics import moving_parts, part_transforms, subtree
+from part2gs_robotics.knife import Piece, piece_of
 from part2gs_robotics.se3 import inverse
 from part2gs_robotics.solids import bounds, hull_of, to_manifold, to_mesh
 from part2gs_robotics.twin import PartMesh, Twin
-
-if TYPE_CHECKING:
-    from manifold3d import Manifold
 
 F64 = NDArray[np.float64]
 GAP = 5e-4  # of the size: half a millimetre on a metre, free of contact forces
@@ -29,58 +26,17 @@ COARSE = 1.5e-3  # of the size: copy of a part against which losses are weighed
 SHARES = (0.0, 0.25, 0.5, 0.75, 1.0)  # of a cut that the first of two pieces takes
 SPARE = 0.03  # of its volume a part may lose in one cut; more is a real crossing, left alone
 CRUMB = 1e-7  # of the size cubed
+REPEATS = 3  # per short motion, while pieces are cut up: a wall has few openings
+MOST_PIECES = 300  # of the twin; a cabinet of four doors and drawers has about 110
 
 
-@dataclass
-class _Piece:
-    """A convex body under the knife, in the state-0 frame of the world.
-
-    Attributes:
-        part: index.  solid: convex.  real: what of the part lies in it.  spare: real volume that
-            may be lost in one cut.  vertices, normals: of `solid`.  faces: of `real`.
-    """
-
-    part: int
-    solid: Manifold
-    real: Manifold
-    spare: float
-    vertices: F64
-    normals: F64
-    faces: Facets
-
-    def trim(self, planes: list[tuple[F64, float]]) -> None:
-        """Keep what lies on the positive side of planes (normal, level)."""
-        self.solid, self.real = _trim(self.solid, planes), _trim(self.real, planes)
-        self.vertices, self.normals = _corners(self.solid)
-        self.faces = _faces(self.real)
-
-    def loss(self, planes: list[tuple[F64, float]]) -> float:
-        """Return about the real volume that `trim` would cost.
-
-        Beyond a plane the volume is the surface integral of the height above it, taken along the
-        plane's normal (divergence theorem; faces the plane cuts count by their centre).
-        """
-        costs = [0.0]
-        for normal, level in planes:
-            height = np.maximum(level - self.faces.centers @ normal, 0.0)
-            costs.append(-float((height * (self.faces.normals @ normal)) @ self.faces.areas))
-        return max(costs)
-
-
-def _trim(solid: Manifold, planes: list[tuple[F64, float]]) -> Manifold:
-    for normal, level in planes:
-        solid = solid.trim_by_plane(normal.tolist(), level)
-    return solid
-
-
-def _pieces(twin: Twin, size: float) -> list[_Piece]:
+def _pieces(twin: Twin, size: float) -> list[Piece]:
     out = []
     for index, part in enumerate(twin.parts):
         whole = to_manifold(part.mesh).simplify(COARSE * size)
         for piece in part.pieces:
             hull = hull_of(piece.vertices)
-            real, spare = hull ^ whole, SPARE * float(whole.volume())
-            out.append(_Piece(index, hull, real, spare, *_corners(hull), _faces(real)))
+            out.append(piece_of(index, hull, hull ^ whole, SPARE * float(whole.volume())))
     return out
 
 
@@ -105,7 +61,12 @@ def separate_pieces(twin: Twin, *, gap: float | None = None) -> Twin:
     before = sum(float(p.solid.volume()) for p in pieces)
     stuck = set[tuple[int, int]]()
     for moved, start, end in _passages(twin):
-        stuck |= _separate_at(pieces, moved, start, end, distance)
+        for _ in range(REPEATS):
+            count = len(pieces)
+            now = _separate_at(pieces, moved, start, end, distance)
+            if len(pieces) == count:  # new pieces are asked as well
+                break
+        stuck |= now
     if before <= 0:
         return twin
     lost = 1 - sum(float(p.solid.volume()) for p in pieces) / before
@@ -133,29 +94,13 @@ def _notes(twin: Twin, lost: float, gap: float, stuck: set[tuple[int, int]]) -> 
 
 
 def _finished(
-    pieces: list[_Piece], part: int, old: tuple[PartMesh, ...], crumb: float
+    pieces: list[Piece], part: int, old: tuple[PartMesh, ...], crumb: float
 ) -> tuple[PartMesh, ...]:
     mine = [p for p in pieces if p.part == part]
     color = old[0].colors[0] if old else np.zeros(3, np.uint8)
     rgb = (int(color[0]), int(color[1]), int(color[2]))
     kept = [to_mesh(p.solid, rgb) for p in mine if p.solid.volume() > crumb]
     return tuple(kept) or old[:1]
-
-
-def _faces(solid: Manifold) -> Facets:
-    raw = solid.to_mesh64()
-    return facets(np.array(raw.vert_properties[:, :3]), np.array(raw.tri_verts, np.int64))
-
-
-def _corners(solid: Manifold) -> tuple[F64, F64]:
-    """Return [V, 3] corners and [N, 3] distinct face normals of a convex solid."""
-    raw = solid.to_mesh64()
-    vertices = np.array(raw.vert_properties[:, :3])
-    tri = vertices[np.array(raw.tri_verts, np.int64)]
-    cross = np.cross(tri[:, 1] - tri[:, 0], tri[:, 2] - tri[:, 0])
-    length = np.linalg.norm(cross, axis=1, keepdims=True)
-    normals = cross[length[:, 0] > 0] / length[length[:, 0] > 0]
-    return vertices, np.unique(normals.round(6), axis=0)
 
 
 def _passages(twin: Twin) -> list[tuple[frozenset[int], list[F64], list[F64]]]:
@@ -188,7 +133,7 @@ def _stops(twin: Twin, index: int) -> F64:
 
 
 def _separate_at(
-    pieces: list[_Piece], moved: frozenset[int], start: list[F64], end: list[F64], gap: float
+    pieces: list[Piece], moved: frozenset[int], start: list[F64], end: list[F64], gap: float
 ) -> set[tuple[int, int]]:
     """Cut back every pair of moved and unmoved pieces that comes too close on a short motion."""
     at = [
@@ -205,12 +150,33 @@ def _separate_at(
     for a, b in np.argwhere(near & mine[:, None] & ~mine[None]):
         one, two = pieces[a], pieces[b]
         moves = [inverse(w[two.part]) @ w[one.part] for w in (start, end)]
-        if not _separate(one, two, moves, gap):
+        back = [inverse(m) for m in moves]
+        if not (_separate(one, two, moves, gap) or _opened(pieces, b, one, moves, gap)
+                or _opened(pieces, a, two, back, gap)):
             stuck.add((min(one.part, two.part), max(one.part, two.part)))
     return stuck
 
 
-def _separate(one: _Piece, two: _Piece, two_from_one: list[F64], gap: float) -> bool:
+def _opened(pieces: list[Piece], index: int, other: Piece, moves: list[F64], gap: float) -> bool:
+    """Cut a piece up around another one at both ends of a motion; False if that costs too much.
+
+    Args:
+        pieces: of all parts; the piece's own place is taken by one of its shares, others follow.
+        index: of the piece.
+        other: what passes.
+        moves: [4, 4] of its frame into the piece's, at both ends.
+        gap: scene units.
+    """
+    if len(pieces) >= MOST_PIECES:
+        return False
+    passing = np.concatenate([other.vertices @ m[:3, :3].T + m[:3, 3] for m in moves])
+    shares = pieces[index].around(passing, gap)
+    if shares:
+        pieces[index:index + 1], pieces[len(pieces):] = shares[:1], shares[1:]
+    return bool(shares)
+
+
+def _separate(one: Piece, two: Piece, two_from_one: list[F64], gap: float) -> bool:
     """Cut two convex bodies back to one plane that parts them at both ends of a motion.
 
     The hull of a body at both ends holds every place between them of a slide, and of a turn all
@@ -231,8 +197,8 @@ def _separate(one: _Piece, two: _Piece, two_from_one: list[F64], gap: float) -> 
 
 
 def _cut(
-    one: _Piece,
-    two: _Piece,
+    one: Piece,
+    two: Piece,
     two_from_one: list[F64],
     normal: F64,
     ends: tuple[float, float],

@@ -202,10 +202,10 @@ def test_sweeps_losses_and_notes_of_the_checks_are_shown(tmp_path: Path) -> None
 
 
 def test_notes_added_after_articulation_are_listed(tmp_path: Path) -> None:
-    """A drawer deep inside one convex piece of the base cannot be cut free: the report says so."""
+    """A drawer deep inside a solid base cannot be cut free: the report says so."""
     cabinet = toy_cabinet_twin(1)
-    block = (to_mesh(to_manifold(cabinet.parts[0].mesh).hull()),)
-    parts = (replace(cabinet.parts[0], pieces=block), *cabinet.parts[1:])
+    block = to_mesh(to_manifold(cabinet.parts[0].mesh).hull())
+    parts = (replace(cabinet.parts[0], mesh=block, pieces=(block,)), *cabinet.parts[1:])
     stuck = separate_pieces(replace(cabinet, parts=parts, notes=("depth ignored",)))
     content, page = written(tmp_path, report(twin=stuck, notes=("base fixed", "depth ignored")))
     assert content["notes"][0] == "depth ignored"
