@@ -30,7 +30,7 @@ class ReadConfig:
 class FitConfig:
     """Gaussians of each state."""
 
-    steps: int = 1000
+    steps: int = 1600
     """optimiser steps per state, one view each"""
     half_steps: int = 300
     """first of these steps, at half the image resolution"""
