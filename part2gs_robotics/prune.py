@@ -19,7 +19,7 @@ from part2gs_robotics.decide import one_more
 from part2gs_robotics.flips import righted
 from part2gs_robotics.joint_fit import choose_joint, hypothesis_of
 from part2gs_robotics.joints import Joint
-from part2gs_robotics.judge import Judge, Verdict
+from part2gs_robotics.judge import MORE_MET, Judge, Verdict
 from part2gs_robotics.motion_search import Hypothesis
 from part2gs_robotics.part_tree import Tree
 from part2gs_robotics.split import TORN, torn
@@ -36,7 +36,7 @@ ALIKE = 0.05  # of the diagonal: refinement takes motions nearer than that to on
 def pruned(judge: Judge, tree: Tree) -> Tree:
     """Return the tree without parts that no longer pay; the last one that moves stays.
 
-    A part whose leaving puts what nothing joins under one motion need pay half.
+    A part whose leaving makes one motion carry two bodies need pay half.
     """
     for k in reversed(range(len(tree.joints))):
         proven = tree.parents[k] and not tree.known[k]  # it paid beside the settled others
@@ -44,7 +44,7 @@ def pruned(judge: Judge, tree: Tree) -> Tree:
             continue
         motions = [hypothesis_of(j) for j in tree.joints]
         now, rest, gain, price = _gain(judge, motions, k)
-        if price > gain >= TORN * price and torn(judge.study, rest) > torn(judge.study, now):
+        if price > gain >= TORN * price and _two_in_one(judge, now, rest):
             price *= TORN
         logger.info("prune: without part %d %.4f more; price %.4f", k + 1, gain, price)
         if gain < price or not now.improves(rest):
@@ -53,6 +53,15 @@ def pruned(judge: Judge, tree: Tree) -> Tree:
                         tuple(p - (p > k + 1) for p in parents), rest.hard,
                         tree.known[:k] + tree.known[k + 1:])
     return tree
+
+
+def _two_in_one(judge: Judge, now: Verdict, rest: Verdict) -> bool:
+    """Return whether one motion of `rest` carries what two of `now` do.
+
+    It then meets few of its surfels in the other state, or carries pieces that nothing joins.
+    """
+    return (rest.met < now.met - MORE_MET
+            or torn(judge.study, rest) > torn(judge.study, now))
 
 
 def _gain(judge: Judge, motions: list[Hypothesis], k: int) -> tuple[Verdict, Verdict, float, float]:

@@ -11,8 +11,7 @@ from part2gs_robotics.joint_fit import hypothesis_of
 from part2gs_robotics.joints import Joint
 from part2gs_robotics.judge import Judge
 from part2gs_robotics.part_tree import flat
-from part2gs_robotics.prune import FIRM, LOOSE, _gain, held, pruned, regrown
-from part2gs_robotics.split import torn
+from part2gs_robotics.prune import FIRM, LOOSE, _gain, _two_in_one, held, pruned, regrown
 
 SIGMAS = pytest.mark.parametrize("sigma", [0.1, np.inf, np.nan])
 
@@ -97,10 +96,11 @@ def test_a_part_without_which_one_motion_would_carry_what_nothing_joins_pays_hal
     between = replace(second, value=0.25)
     tree = tree_of(judge, look_alikes, between, second)
     now, rest, gain, _ = _gain(judge, [hypothesis_of(j) for j in tree.joints], 1)
-    assert torn(judge.study, rest) > torn(judge.study, now)
+    assert _two_in_one(judge, now, rest)
+    assert not _two_in_one(judge, now, now)
     monkeypatch.setattr(Judge, "price", lambda *_: share * gain)
     assert (len(pruned(judge, tree).joints) == 2) is stays
-    monkeypatch.setattr("part2gs_robotics.prune.torn", lambda *_: 0)
+    monkeypatch.setattr("part2gs_robotics.prune._two_in_one", lambda *_: False)
     assert (len(pruned(judge, tree).joints) == 2) is (share < 1.0)
 
 
