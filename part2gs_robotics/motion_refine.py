@@ -15,7 +15,7 @@ from part2gs_robotics.surfels import Surfels
 F64 = NDArray[np.float64]
 INLIER_COST = 0.45  # HIDDEN_COST: a real surface was met, and better than nothing
 COARSE_TO_FINE = 1.3, 1.0, 0.7  # of the matching distance: a label's error is let in at first
-STEPS = 4  # per matching distance; matches have settled (tests/test_motion_refine.py)
+STEPS = 4  # per matching distance; twice as many change nothing across faces
 TANGENT_WEIGHT = 0.15  # flat faces say nothing sideways; colour edges and rims a little
 
 

@@ -10,7 +10,7 @@ import pytest
 from part2gs_robotics import se3
 from part2gs_robotics.evidence import DepthMaps
 from part2gs_robotics.landing import build_landing
-from part2gs_robotics.motion_refine import joint_move, matches, refine
+from part2gs_robotics.motion_refine import STEPS, distances, joint_move, matches, refine
 from part2gs_robotics.motion_search import Hypothesis
 from part2gs_robotics.surfels import Surfels
 
@@ -67,6 +67,20 @@ def test_a_perturbed_motion_comes_back(name, request):
     assert error_of(found, truth, own[0].points) < 0.02  # along faces the voxel is the limit
     assert np.degrees(np.arccos(min(1.0, found.axis @ truth.axis))) < 0.7
     assert np.linalg.norm(found.axis) == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize("name", ["slid", "turned", "screwed"])
+def test_as_many_steps_as_are_taken_suffice(name, request):
+    """Twice as many change nothing across faces; along them a part slips by less than a voxel."""
+    world = request.getfixturevalue(name)
+    own, start = own_of(world), perturbed_of(truth_of(world))
+    found, more = (refine(start, own, lands_of(world), distances(0.03), steps)
+                   for steps in (STEPS, 2 * STEPS))
+    assert error_of(start, found, own[0].points) > 0.02
+    gap = se3.apply(found.move, own[0].points) - se3.apply(more.move, own[0].points)
+    across = (gap * (own[0].normals @ more.move[:3, :3].T)).sum(1)
+    assert np.median(np.abs(across)) < 5e-4  # a fortieth of a voxel
+    assert error_of(found, more, own[0].points) < 0.02
 
 
 def test_refinement_follows_a_rigid_motion_of_the_world(turned):
