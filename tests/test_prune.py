@@ -7,9 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from part2gs_robotics.config import ArticulateConfig
 from part2gs_robotics.joint_fit import hypothesis_of
 from part2gs_robotics.joints import Joint
 from part2gs_robotics.judge import Judge
+from part2gs_robotics.nested import _proven
 from part2gs_robotics.part_tree import flat
 from part2gs_robotics.prune import FIRM, LOOSE, _gain, _two_in_one, held, pruned, regrown
 
@@ -121,3 +123,27 @@ def test_another_motion_has_the_place_of_a_part_that_left(judge, look_alikes, pa
     assert regrown(judge, after, after, pool) is after, "where nothing left nothing is sought"
     gone = tree_of(judge, look_alikes, first, second)
     assert regrown(judge, gone, after, pool) is after, "nor is what left"
+
+
+@pytest.mark.parametrize("known", [True, False])
+def test_a_settled_tree_is_proven_until_nothing_leaves(judge, look_alikes, parts, known,
+                                                       monkeypatch):
+    """A loose false part leaves, the true one has its place, and all settle once for that."""
+    first, second, _ = parts
+    false = replace(second, axis=np.array([0.0, 1, 0]), sigma_axis=0.1)
+    settled = []
+
+    def settle(_judge, joints, hard, *_views_and_config):
+        settled.append(len(joints))
+        return [replace(j, sigma_axis=0.5 * LOOSE, sigma_value=1e-3) for j in joints], hard
+
+    monkeypatch.setattr("part2gs_robotics.nested.settle", settle)
+    tree = tree_of(judge, look_alikes, first, false)
+    pool = look_alikes.truth if known else [hypothesis_of(false)]
+    found = _proven(judge, tree, ArticulateConfig(), ((), ()), pool)
+    ways = [0.3, 0.2] if known else [0.3]
+    assert [j.value for j in found.joints] == pytest.approx(ways, abs=5e-3)
+    assert settled == [len(found.joints)]
+    sound = tree_of(judge, look_alikes, first, second)
+    assert _proven(judge, sound, ArticulateConfig(), ((), ()), pool) is sound
+    assert len(settled) == 1
