@@ -22,6 +22,19 @@ def at_home(h: Hypothesis, own: tuple[Surfels, Surfels]) -> F64:
     return np.concatenate([zero.points, se3.apply(se3.inverse(h.move), one.points)])
 
 
+def apart(one: Hypothesis, two: Hypothesis, own: tuple[Surfels, Surfels]) -> float:
+    """Return how far apart two motions carry a part's surfels on average, scene units.
+
+    Args:
+        one: a motion.
+        two: another one, that of the surfels.
+        own: the part's surfels of both states; infinitely far without any.
+    """
+    points = at_home(two, own)
+    gaps = np.linalg.norm(se3.apply(one.move, points) - se3.apply(two.move, points), axis=1)
+    return float(gaps.mean()) if len(points) else float("inf")
+
+
 def pieces(h: Hypothesis, own: tuple[Surfels, Surfels], diag: float, least: int,
            ) -> list[tuple[Surfels, Surfels]]:
     """Return the surfels of every piece of a part, the largest first.

@@ -172,7 +172,8 @@ def _opened(pieces: list[Piece], index: int, other: Piece, moves: list[F64], gap
     passing = np.concatenate([other.vertices @ m[:3, :3].T + m[:3, 3] for m in moves])
     shares = pieces[index].around(passing, gap)
     if shares:
-        pieces[index:index + 1], pieces[len(pieces):] = shares[:1], shares[1:]
+        pieces[index] = shares[0]
+        pieces.extend(shares[1:])
     return bool(shares)
 
 

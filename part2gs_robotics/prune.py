@@ -13,8 +13,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from part2gs_robotics import se3
-from part2gs_robotics.bodies import at_home
+from part2gs_robotics.bodies import apart
 from part2gs_robotics.decide import one_more
 from part2gs_robotics.flips import righted
 from part2gs_robotics.joint_fit import choose_joint, hypothesis_of
@@ -149,10 +148,8 @@ def regrown(judge: Judge, before: Tree, after: Tree, pool: Sequence[Hypothesis])
 
 def _alike(judge: Judge, tree: Tree, k: int, h: Hypothesis) -> bool:
     """Return whether a motion carries a part to where its joint does."""
-    old = hypothesis_of(tree.joints[k])
-    points = at_home(old, judge.study.own(tree.hard, k + 1))
-    gaps = np.linalg.norm(se3.apply(old.move, points) - se3.apply(h.move, points), axis=1)
-    return bool(gaps.size and gaps.mean() < ALIKE * judge.study.diag)
+    own = judge.study.own(tree.hard, k + 1)
+    return apart(h, hypothesis_of(tree.joints[k]), own) < ALIKE * judge.study.diag
 
 
 def _say(text: str) -> None:

@@ -8,8 +8,7 @@ from itertools import combinations
 
 import numpy as np
 
-from part2gs_robotics import se3
-from part2gs_robotics.bodies import at_home, pieces
+from part2gs_robotics.bodies import apart, pieces
 from part2gs_robotics.judge import MIN_SURFELS, PLAIN_ASKEW, Judge, Verdict
 from part2gs_robotics.motion_refine import misfit, refine
 from part2gs_robotics.motion_search import Hypothesis
@@ -61,17 +60,17 @@ def parted(judge: Judge, verdict: Verdict, say: Callable[[str], None]) -> Verdic
     """
     study, sets = judge.study, []
     for k, h in enumerate(verdict.motions):
-        apart = pieces(h, study.own(verdict.hard, k + 1), study.diag, MIN_SURFELS)
-        if len(apart) > 1:
-            own = [_own(judge, h, piece) for piece in apart[:2]]
-            if _differ(own, apart[1], NEAR * study.diag):
+        found = pieces(h, study.own(verdict.hard, k + 1), study.diag, MIN_SURFELS)
+        if len(found) > 1:
+            own = [_own(judge, h, piece) for piece in found[:2]]
+            if apart(own[0], own[1], found[1]) > NEAR * study.diag:
                 sets.append([*verdict.motions[:k], *own, *verdict.motions[k + 1:]])
-    found, price = _best(judge, verdict, sets, say)
-    if found is verdict:
+    best, price = _best(judge, verdict, sets, say)
+    if best is verdict:
         return verdict
-    gain, worth = verdict.cost - found.cost, TORN * price
+    gain, worth = verdict.cost - best.cost, TORN * price
     say(f"a part's pieces on their own: {gain:.4f} less; price {worth:.4f}")
-    return found if gain >= worth and found.improves(verdict) else verdict
+    return best if gain >= worth and best.improves(verdict) else verdict
 
 
 def torn(study: Study, verdict: Verdict) -> int:
@@ -99,13 +98,6 @@ def _own(judge: Judge, h: Hypothesis, piece: tuple[Surfels, Surfels]) -> Hypothe
     tries = [refine(replace(h, value=h.value + step * study.diag), piece, judge.lands, study.taus)
              for step in ((0.0,) if h.kind else PIECE_STEPS)]
     return min(tries, key=lambda g: misfit(g, piece, judge.lands, study.tau))
-
-
-def _differ(two: list[Hypothesis], piece: tuple[Surfels, Surfels], far: float) -> bool:
-    """Return whether two motions carry a piece to places farther apart than `far`, on average."""
-    points = at_home(two[1], piece)
-    gaps = se3.apply(two[0].move, points) - se3.apply(two[1].move, points)
-    return bool(np.linalg.norm(gaps, axis=1).mean() > far)
 
 
 def _parallel(pool: list[Hypothesis], kind: int, far: float,

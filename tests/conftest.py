@@ -281,3 +281,17 @@ def look_alikes(toy):
     study = gather(scene, (pairs[0][0], pairs[1][0]))
     return SimpleNamespace(study=study, truth=truth, scene=scene,
                            owners=tuple(owner for _, owner in pairs))
+
+
+@pytest.fixture(scope="session")
+def judge(look_alikes):
+    """Return the judge of the look-alikes' study."""
+    from part2gs_robotics.judge import Judge
+
+    return Judge(look_alikes.study)
+
+
+@pytest.fixture(scope="session")
+def right(judge, look_alikes):
+    """The verdict on both true motions."""
+    return judge.judge(look_alikes.truth)

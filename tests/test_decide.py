@@ -49,17 +49,6 @@ WRONG = {
 
 
 @pytest.fixture(scope="module")
-def judge(look_alikes):
-    return Judge(look_alikes.study)
-
-
-@pytest.fixture(scope="module")
-def right(judge, look_alikes):
-    """The verdict on both true motions."""
-    return judge.judge(look_alikes.truth)
-
-
-@pytest.fixture(scope="module")
 def best_alone(judge, look_alikes):
     """The lower cost of one true motion: the longer way leaves less unexplained."""
     return min(judge.judge([h]).cost for h in look_alikes.truth)

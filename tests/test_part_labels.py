@@ -11,17 +11,11 @@ from part2gs_robotics.articulate import Clock, settled_motion
 from part2gs_robotics.config import ArticulateConfig
 from part2gs_robotics.identity import PAPER, IdentityConfig
 from part2gs_robotics.joints import Joint
-from part2gs_robotics.judge import Judge
 from part2gs_robotics.part_labels import labels_under, landing_costs, part_probs, start_labels
 
 pytestmark = pytest.mark.usefixtures("one_numba_thread", "one_torch_thread")
 
 PLAIN = ArticulateConfig(identity=False, contact=False, vector_field=False, alignment=False)
-
-
-@pytest.fixture(scope="module")
-def judge(look_alikes):
-    return Judge(look_alikes.study)
 
 
 @pytest.fixture(scope="module")

@@ -19,11 +19,6 @@ SIGMAS = pytest.mark.parametrize("sigma", [0.1, np.inf, np.nan])
 
 
 @pytest.fixture(scope="module")
-def judge(look_alikes):
-    return Judge(look_alikes.study)
-
-
-@pytest.fixture(scope="module")
 def parts(look_alikes):
     """Both true joints, and one that is nearly the first and saves nothing beside it."""
     first, second = (Joint("prismatic", h.axis, h.origin, h.value, sigma_axis=0.5 * LOOSE,

@@ -12,18 +12,12 @@ from part2gs_robotics.config import ArticulateConfig
 from part2gs_robotics.cross_render import both_cost
 from part2gs_robotics.joint_fit import move_of
 from part2gs_robotics.joints import Joint
-from part2gs_robotics.judge import Judge
 from part2gs_robotics.motion_search import Hypothesis
 from part2gs_robotics.reach import claim
 from part2gs_robotics.settle import VETO, _aligned, _final, _held, settle
 from part2gs_robotics.small_views import small_views
 
 pytestmark = pytest.mark.usefixtures("one_numba_thread")
-
-
-@pytest.fixture(scope="module")
-def judge(look_alikes):
-    return Judge(look_alikes.study)
 
 
 @pytest.fixture(scope="module")

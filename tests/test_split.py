@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from part2gs_robotics.judge import Judge, Verdict
+from part2gs_robotics.judge import Verdict
 from part2gs_robotics.motion_search import Hypothesis
 from part2gs_robotics.split import WHOLE, _parallel, parted, split, torn
 from part2gs_robotics.surfels import Surfels
@@ -27,17 +27,6 @@ def slide(axis, value):
 
 BETWEEN = slide(X, 0.25)
 TURN = Hypothesis(1, Z, np.array([0.45, 0.4, 0.4]), np.pi)
-
-
-@pytest.fixture(scope="module")
-def judge(look_alikes):
-    return Judge(look_alikes.study)
-
-
-@pytest.fixture(scope="module")
-def right(judge, look_alikes):
-    """The verdict on both true motions."""
-    return judge.judge(look_alikes.truth)
 
 
 def test_one_slide_between_two_blocks_is_two(judge, right, look_alikes, monkeypatch):
