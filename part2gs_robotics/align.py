@@ -27,13 +27,14 @@ from part2gs_robotics.align_system import (
 )
 from part2gs_robotics.align_view import add_view
 from part2gs_robotics.cross_render import both_cost, move_gaussians
-from part2gs_robotics.faces import Faces, squared
 from part2gs_robotics.gaussians import Gaussians
+from part2gs_robotics.guides import Guides, squared
 from part2gs_robotics.joint_fit import move_of
 from part2gs_robotics.joints import Joint
 from part2gs_robotics.render import render
 from part2gs_robotics.side_by_side import side_by_side
 from part2gs_robotics.small_views import SmallViews
+from part2gs_robotics.turns import PartEdges, turned
 from part2gs_robotics.workspace import Workspace
 
 logger = logging.getLogger(__name__)
@@ -66,6 +67,14 @@ PROBE = 1e-3  # rad or diagonals: a tenth of a pixel, well above rounding
 LEAST_GAIN = 0.01  # of the image cost: less is what two views' noise changes
 
 
+@dataclass(frozen=True)
+class Clues:
+    """What made things keep to: directions of faces and edges, and every part's own edges."""
+
+    guides: Guides
+    edges: list[PartEdges]
+
+
 def align(
     gaussians: tuple[Gaussians, Gaussians],
     labels: tuple[NDArray[np.int64], NDArray[np.int64]],
@@ -74,7 +83,7 @@ def align(
     diag: float,
     levels: tuple[Level, ...] = (*COARSE, *FINE),
     deviations: bool = True,
-    faces: Faces | None = None,
+    clues: Clues | None = None,
 ) -> list[Joint]:
     """Return the joints after direct alignment against both states' views.
 
@@ -86,7 +95,7 @@ def align(
         diag: diagonal of the object in scene units.
         levels: widths, one after the other; late ones suffice for joints that are nearly right.
         deviations: whether to estimate standard deviations; no need where joints change again.
-        faces: flat faces that axes are drawn to, as far as the images leave them free.
+        clues: faces and edges that joints are drawn to, as far as the images leave them free.
     """
     for level in levels:
         poses = [at(j, diag) for j in joints]
@@ -102,7 +111,10 @@ def align(
     if not deviations:
         return joints
     known = _with_deviations(gaussians, labels, joints, views, diag, levels[-1])
-    return [squared(j, h, faces, diag) if faces else j for j, h in known]
+    if clues is None:
+        return [j for j, _ in known]
+    return [turned(squared(j, h, clues.guides, diag), h, edges, diag)
+            for (j, h), edges in zip(known, clues.edges, strict=True)]
 
 
 def with_missing_deviations(

@@ -106,8 +106,9 @@ def aligned(judge: Judge, tree: Tree, views: Views) -> Tree:
     study = judge.study
     for levels in (FINE[:1], FINE):
         hard, _ = claim(judge, tree.joints, tree.hard)
-        joints = align(study.gaussians, study.gaussian_labels(hard), tree.joints, views,
-                       study.diag, levels, levels is FINE, study.faces)
+        labels = study.gaussian_labels(hard)
+        joints = align(study.gaussians, labels, tree.joints, views, study.diag, levels,
+                       levels is FINE, study.clues(labels, len(tree.joints)))
         tree = carried(replace(tree, joints=joints, hard=hard))
     return tree
 

@@ -106,11 +106,12 @@ def _final(judge: Judge, joints: list[Joint], labels: tuple[Labels, Labels],
            sharp: Views) -> list[Joint]:
     """Return the joints aligned at full size, screws as turns where no image shows a rise."""
     study = judge.study
-    end = align(study.gaussians, labels, joints, sharp, study.diag, FINE, faces=study.faces)
+    clues = study.clues(labels, len(joints))
+    end = align(study.gaussians, labels, joints, sharp, study.diag, FINE, clues=clues)
     turns = plain(end, study.diag)
     if any(new is not old for new, old in zip(turns, end, strict=True)):
         logger.info("settle: a screw's rise is not proven by the images: a turn")
-        end = align(study.gaussians, labels, turns, sharp, study.diag, FINE, faces=study.faces)
+        end = align(study.gaussians, labels, turns, sharp, study.diag, FINE, clues=clues)
     return end
 
 

@@ -3,25 +3,31 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from part2gs_robotics.align import Clues
 from part2gs_robotics.config import SearchConfig
+from part2gs_robotics.edges import bundled, edge_families
 from part2gs_robotics.errors import FitError
 from part2gs_robotics.evidence import DepthMaps, observe, render_depth_maps
-from part2gs_robotics.faces import Faces, flat_faces
+from part2gs_robotics.faces import flat_faces
 from part2gs_robotics.gaussians import Gaussians
+from part2gs_robotics.guides import Guides, guides_of
 from part2gs_robotics.labelling import Graph, build_graph
 from part2gs_robotics.landing import Landing, build_landing
 from part2gs_robotics.motion_refine import distances
 from part2gs_robotics.motion_select import FINE_TAU, Evidence
 from part2gs_robotics.scene import Scene
+from part2gs_robotics.segments import Segments, segments_of
 from part2gs_robotics.shading import Light, light_of, unshaded
+from part2gs_robotics.side_by_side import side_by_side
 from part2gs_robotics.small_views import SmallViews, small_views
 from part2gs_robotics.surfels import Surfels, fuse_surfels, sampling
+from part2gs_robotics.turns import part_edges
 from part2gs_robotics.unseen import SIDE, VIEWS, without_unseen
 
 F64 = NDArray[np.float64]
@@ -42,6 +48,7 @@ class Study:
         nearest: per state, [N_s] the surfel nearest to every Gaussian.
         views: small views of both states.  box: corners of the object.  diag: its diagonal.
         light: how bright a face is by the way it looks; colours of surfels are without it.
+        segments: straight edges in the photos of both states.
     """
 
     gaussians: tuple[Gaussians, Gaussians]
@@ -55,6 +62,7 @@ class Study:
     box: tuple[F64, F64]
     diag: float
     light: Light
+    segments: tuple[Segments, Segments]
 
     @property
     def source_weight(self) -> tuple[float, float]:
@@ -64,9 +72,15 @@ class Study:
         return share, 1.0 - share
 
     @cached_property
-    def faces(self) -> Faces:
-        """Flat faces of both states."""
-        return flat_faces(self.surfels, self.diag, np.random.default_rng(0))
+    def guides(self) -> Guides:
+        """Flat faces and straight edges of both states."""
+        faces = flat_faces(self.surfels, self.diag, np.random.default_rng(0))
+        return faces + guides_of(edge_families(bundled(self.segments), faces.directions))
+
+    def clues(self, labels: tuple[NDArray[np.int64], NDArray[np.int64]], count: int) -> Clues:
+        """Return what draws the joints of parts 1..count, from labels of the Gaussians."""
+        return Clues(self.guides, part_edges(self.segments, self.maps, self.gaussians, labels,
+                                             count))
 
     @property
     def tau(self) -> float:
@@ -146,7 +160,13 @@ def gather(scene: Scene, gaussians: tuple[Gaussians, Gaussians],
         (lo, hi),
         diag,
         Light(shades, (normals[0], normals[1])),
+        _straight(scene),
     )
+
+
+def _straight(scene: Scene) -> tuple[Segments, Segments]:
+    one, two = side_by_side([partial(segments_of, state) for state in scene.states])
+    return one, two
 
 
 def _as_target(surfels: Surfels, maps: DepthMaps, other: DepthMaps, box: tuple[F64, F64],
