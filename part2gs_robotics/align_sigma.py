@@ -106,10 +106,13 @@ def with_sigma(joint: Joint, patches: tuple[Patches, Patches], weights: tuple[fl
         variances = np.diag(covariance(both[0], both[1], ways))
         sigma = np.where(unknown, np.inf, np.sqrt(np.maximum(variances, 0.0)))
     turning = joint.kind != "prismatic"
+    axis = _observed(float(np.hypot(sigma[0], sigma[1])))
+    value = _observed(float(sigma[2])) * (1.0 if turning else diag)
     return replace(
         joint,
-        sigma_axis=_observed(float(np.hypot(sigma[0], sigma[1]))),
-        sigma_value=_observed(float(sigma[2])) * (1.0 if turning else diag),
+        sigma_axis=axis,
+        sigma_value=value,
+        seen=(axis, value),
         sigma_origin=_observed(float(np.hypot(sigma[3], sigma[4]))) * diag
         if turning else float("nan"),
         sigma_rise=_observed(float(sigma[5])) * diag if joint.kind == "screw" else float("nan"),

@@ -154,7 +154,8 @@ def _pool(
 
     first = round(SHARE_0 * search.patches)
     seeds = first, search.patches - first
-    found = propose(study.evidence, study.lands, study.box, seeds, rng, search.patch_points)
+    found = propose(study.evidence, study.lands, study.box, seeds, rng, search.patch_points,
+                    study.straight.directions)
     ranked = sorted(
         choose(found, study.evidence, study.lands, study.diag, POOL_PRICE * moved),
         key=lambda p: -p[1],

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,7 +26,11 @@ OWN = 15  # segments that a family has beyond chance
 CLEAR = 3.0  # times as many segments in the peak as chance puts there
 SAME = np.deg2rad(1.5)  # rad: seeds nearer to each other end in one family
 STAYED = np.deg2rad(3.0)  # rad: a family farther from its seed is another one
-APART = np.sin(np.deg2rad(20.0))  # normals that meet at less have no sharp edge
+APART = np.sin(np.deg2rad(5.0))  # planes that meet at less do not tell a direction
+PAIRS = 2000  # a family of a twentieth of all segments is shared by five of them
+VOTE = np.deg2rad(0.5)  # rad, of a segment's plane
+MOST = 8  # families: three of a box, two of every open door
+TRIED = 60  # seeds: what more find are chance's
 
 
 _QUARTER = np.array([[0.0, 1.0], [-1.0, 0.0]])  # a . _QUARTER . b is the sine between a and b
@@ -70,23 +73,40 @@ def bundled(states: Sequence[Segments]) -> Bundle:
     return Bundle(*(np.concatenate(p) for p in zip(*parts, strict=True)))
 
 
-def edge_families(bundle: Bundle, normals: F64) -> list[tuple[F64, F64]]:
-    """Return direction [3] and covariance [3, 3] (rad^2) of every family of parallel edges.
+def edge_families(bundle: Bundle, rng: np.random.Generator) -> list[tuple[F64, F64]]:
+    """Return direction [3] and covariance [3, 3] (rad^2) of families of parallel edges.
 
     Args:
         bundle: of both states.
-        normals: [F, 3] unit, of flat faces: edges lie where two of them meet, and often along one.
+        rng: picks the pairs of segments whose common direction is tried.
+
+    Returns:
+        The family with most segments first, MOST at most.
     """
-    crosses = [np.cross(a, b) for a, b in combinations(normals, 2)]
-    seeds = [*normals, *(c / np.linalg.norm(c) for c in crosses if np.linalg.norm(c) > APART)]
     tried, found = list[F64](), list[tuple[F64, F64]]()
-    for seed in seeds:
+    for seed in _voted(bundle, rng):
+        if len(found) == MOST or len(tried) == TRIED:
+            break
         if all(abs(seed @ other) < np.cos(SAME) for other in (*tried, *(d for d, _ in found))):
             tried.append(seed)
             family = _family(bundle, seed)
             if family and all(abs(family[0] @ d) < np.cos(SAME / 3) for d, _ in found):
                 found.append(family)
     return found
+
+
+def _voted(bundle: Bundle, rng: np.random.Generator) -> F64:
+    """Return [S, 3] directions that two segments share, those that most others share first."""
+    planes = bundle.planes
+    if len(planes) < OWN:
+        return np.zeros((0, 3))
+    one, two = (planes[rng.integers(len(planes), size=PAIRS)] for _ in range(2))
+    seeds = np.cross(one, two)
+    size = np.linalg.norm(seeds, axis=1)
+    seeds = seeds[size > APART] / size[size > APART, None]
+    votes = np.concatenate([(np.abs(planes @ part.T) < VOTE).sum(0)
+                            for part in np.array_split(seeds, max(1, len(seeds) // 250))])
+    return np.asarray(seeds[np.argsort(-votes, kind="stable")])
 
 
 def _family(bundle: Bundle, seed: F64) -> tuple[F64, F64] | None:

@@ -31,6 +31,7 @@ class Joint:
             must know it; None = the base.
         sigma_rise: standard deviation of how far a screw rises along its axis, pitch times value,
             scene units.
+        seen: sigma_axis and sigma_value by the images alone, before walls and edges had their say.
     """
 
     kind: JointKind
@@ -45,6 +46,7 @@ class Joint:
     confidence: float = float("nan")
     carrier: NDArray[np.float64] | None = None
     sigma_rise: float = float("nan")
+    seen: tuple[float, float] = (float("nan"), float("nan"))
 
     def transform(self, q: float) -> NDArray[np.float64]:
         """Return [4, 4] world_at_q_from_world_at_0 of the part for joint position q."""

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from part2gs_robotics import se3
-from part2gs_robotics.askew import askew
+from part2gs_robotics.askew import askew, crooked, square
 from part2gs_robotics.bodies import at_home
 from part2gs_robotics.cross_render import both_cost
 from part2gs_robotics.labelling import Unary, label, unary_costs
@@ -51,7 +51,7 @@ class Verdict:
         met: of the motion that does so least, the share of its own surfels of one state that it
             carries onto those of the other.
         air: 0..1, how far the line of a turn passes its part, 1 = surely no hinge.
-        askew: 0..1, the most that a slide leaves its part's walls, 1 = surely no drawer's.
+        askew: 0..1, the most that a motion leaves walls and edges, 1 = surely no joint's.
         short: whether one more motion would pay though their number was given.
         pool: the motions that were to choose from, for parts that do not stay.
     """
@@ -111,6 +111,7 @@ class Judge:
         self.study = study
         self.lands = unclaimed(study.lands[0]), unclaimed(study.lands[1])
         self._normals = np.concatenate([s.normals for s in study.surfels])
+        self._square = square(study.straight.directions)
         self._columns: dict[int, tuple[Hypothesis, Unary]] = {}
         self.static = unary_costs([np.eye(4)], study.surfels, self.lands, study.tau)
 
@@ -133,6 +134,13 @@ class Judge:
             if len(poorer) >= MIN_SURFELS:
                 shares[k] = ((target >= 0) & (hard[np.maximum(target, 0)] == k + 1)).mean()
         return shares
+
+    def shared(self, motions: Sequence[Hypothesis], hard: NDArray[np.int64]) -> F64:
+        """Return [K] what share of its richer state's surfels every motion lands on its own."""
+        zero, one = (np.bincount(part, minlength=len(motions) + 1)[1:] for part in
+                     np.split(hard, [len(self.study.surfels[0])]))
+        least, most = np.minimum(zero, one), np.maximum(zero, one)
+        return self.met(motions, hard) * least / np.maximum(most, 1)
 
     def sort_out(self, motions: list[Hypothesis], rough: bool = False,
                  ) -> tuple[NDArray[np.int64], float]:
@@ -197,8 +205,8 @@ class Judge:
                        leans)
 
     def leans(self, motions: Sequence[Hypothesis], hard: NDArray[np.int64]) -> F64:
-        """Return [K] how surely every motion slides its part askew, 0..1."""
-        return np.array([0.0 if h.kind else askew(h, self._normals[hard == k + 1])
+        """Return [K] how surely every motion is one that no made thing's joint makes, 0..1."""
+        return np.array([max(askew(h, self._normals[hard == k + 1]), crooked(h, self._square))
                          for k, h in enumerate(motions)])
 
     def air(self, motions: Sequence[Hypothesis], hard: NDArray[np.int64]) -> float:

@@ -15,6 +15,7 @@ from part2gs_robotics.surfels import Surfels
 F64 = NDArray[np.float64]
 INLIER_COST = 0.45  # HIDDEN_COST: a real surface was met, and better than nothing
 COARSE_TO_FINE = 1.3, 1.0, 0.7  # of the matching distance: a label's error is let in at first
+STIFF = 1e9  # of the curvature: a held axis moves by a billionth of a step
 STEPS = 4  # per matching distance; twice as many change nothing across faces
 TANGENT_WEIGHT = 0.15  # flat faces say nothing sideways; colour edges and rims a little
 
@@ -55,7 +56,7 @@ def refine(
                 return _hypothesis(guess, params)
             # Where the carrier would not have moved.
             pairs = zero, zero_n, se3.apply(se3.inverse(carrier), one), one_n @ carrier[:3, :3]
-            params = _step(guess.kind, params, pairs, tau)
+            params = _step(guess.kind, params, pairs, tau, guess.held)
     return _hypothesis(guess, params)
 
 
@@ -72,7 +73,7 @@ def misfit(h: Hypothesis, own: tuple[Surfels, Surfels], lands: tuple[Landing, La
 
 
 def _hypothesis(guess: Hypothesis, params: F64) -> Hypothesis:
-    axis = params[:3] / np.linalg.norm(params[:3])
+    axis = guess.axis if guess.held else params[:3] / np.linalg.norm(params[:3])
     # A screw that does not turn is a slide, and has no pitch.
     pitch = float(params[7] / params[6]) if guess.kind == SCREW and params[6] else 0.0
     return replace(guess, axis=axis, origin=params[3:6].copy(), value=float(params[6]), pitch=pitch)
@@ -94,7 +95,8 @@ def matches(
     return zero, zero_n, one, one_n
 
 
-def _step(kind: int, params: F64, pairs: tuple[F64, F64, F64, F64], tau: float) -> F64:
+def _step(kind: int, params: F64, pairs: tuple[F64, F64, F64, F64], tau: float,
+          held: bool) -> F64:
     scale = float(np.ptp(pairs[0], axis=0).max()) + 1e-12
     count = len(params)
     step = np.array([1e-4] * 3 + [1e-4 * scale] * 3 + [1e-4 if kind else 1e-4 * scale])
@@ -120,6 +122,8 @@ def _step(kind: int, params: F64, pairs: tuple[F64, F64, F64, F64], tau: float) 
     normal = scaled.T @ (scaled * weights[:, None])
     # Gauge directions (axis length, origin along the axis) and unseen ones are held by the damping.
     normal += np.eye(count) * 1e-4 * np.trace(normal) / count
+    if held:
+        normal[:3, :3] += np.eye(3) * STIFF * np.trace(normal)
     delta = -np.linalg.solve(normal, scaled.T @ (weights * base)) * step / 1e-4
     return _normalised(params + delta, pairs[0].mean(0))
 

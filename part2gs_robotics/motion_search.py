@@ -33,6 +33,7 @@ class Hypothesis:
         axis: [3] unit.  origin: [3].  value: rad or scene units.
         carrier: [4, 4] motion of the part that carries this one, None = the base.
         pitch: scene units per rad, screw only.
+        held: whether the axis is that of straight edges, so that surfels need not find it.
     """
 
     kind: int
@@ -41,6 +42,7 @@ class Hypothesis:
     value: float
     carrier: F64 | None = None
     pitch: float = 0.0
+    held: bool = False
 
     @property
     def move(self) -> F64:
@@ -55,8 +57,9 @@ class Hypothesis:
         return se3.make(np.eye(3), self.axis * self.value)
 
 
-def directions(surfels: Surfels, patch: Surfels, rng: np.random.Generator, limit: int = 10) -> F64:
-    """Return [D, 3] sign-free candidate axes: dominant normals, their crosses, patch axes."""
+def directions(surfels: Surfels, patch: Surfels, rng: np.random.Generator, limit: int = 10,
+               known: F64 | None = None) -> F64:
+    """Return [D, 3] sign-free candidate axes: known ones, dominant normals, crosses, patch axes."""
     normals = surfels.normals[rng.permutation(len(surfels))[:3000]]
     found: list[F64] = []
     rest = normals
@@ -72,7 +75,13 @@ def directions(surfels: Surfels, patch: Surfels, rng: np.random.Generator, limit
     found += [np.cross(a, b) for i, a in enumerate(strong) for b in strong[:i]]
     centred = patch.points - patch.points.mean(0)
     found += list(np.linalg.svd(centred, full_matrices=False)[2])
-    return _distinct(np.array(found), np.deg2rad(6.0))
+    first = list(known) if known is not None else []
+    return _distinct(np.array([*first, *found]), np.deg2rad(6.0))
+
+
+def on_edge(axis: F64, straight: F64 | None) -> bool:
+    """Return whether an axis is one of the directions [E, 3] of edges."""
+    return straight is not None and bool((np.abs(straight @ axis) > 1 - 1e-12).any())
 
 
 def _distinct(axes: F64, angle: float) -> F64:
@@ -127,6 +136,7 @@ def search_patch(
     tau: float,
     forward: bool,
     keep: int = 12,
+    straight: F64 | None = None,
 ) -> list[tuple[float, Hypothesis]]:
     """Return the best motions of one patch as (cost, hypothesis), best first.
 
@@ -138,6 +148,7 @@ def search_patch(
         tau: matching distance in scene units.
         forward: True if the patch is of state 0 (moves map 0 to 1), else the inverse is tried.
         keep: hypotheses kept per axis and kind.
+        straight: [E, 3] those of the axes that edges have.
     """
     diag = float(np.linalg.norm(box[1] - box[0]))
     out: list[tuple[float, Hypothesis]] = []
@@ -146,11 +157,14 @@ def search_patch(
     costs = score_moves(np.stack([g.move for g in guesses]), patch, target, tau)
     for i in np.argsort(costs)[: 2 * keep]:
         g = guesses[i]
-        out.append((float(costs[i]), Hypothesis(0, g.axis, patch.points.mean(0), flip * g.value)))
+        out.append((float(costs[i]), Hypothesis(0, g.axis, patch.points.mean(0), flip * g.value,
+                                                held=on_edge(g.axis, straight))))
     for axis in axes:
+        held = on_edge(axis, straight)
         pivots, angles, moves = turn_moves(axis, *box, diag)
         costs = score_best(moves, patch, target, tau)
         for i in np.argsort(costs)[:keep]:
             p, a = divmod(int(i), len(angles))
-            out.append((float(costs[i]), Hypothesis(1, axis, pivots[p], flip * float(angles[a]))))
+            out.append((float(costs[i]), Hypothesis(1, axis, pivots[p], flip * float(angles[a]),
+                                                    held=held)))
     return sorted(out, key=lambda pair: pair[0])

@@ -54,8 +54,19 @@ def propose(
     seeds: tuple[int, int],
     rng: np.random.Generator,
     patch_points: int = PATCH_POINTS,
+    straight: F64 | None = None,
 ) -> list[Hypothesis]:
-    """Return refined hypotheses of patches spread over the evidence of both states."""
+    """Return refined hypotheses of patches spread over the evidence of both states.
+
+    Args:
+        evidence: what left and what arrived.
+        lands: landing grids of both states.
+        box: corners of the object.
+        seeds: patches of state 0 and of state 1.
+        rng: picks patches.
+        patch_points: surfels of a patch that rank the motions.
+        straight: [E, 3] directions of the object's edges, axes to try beside those of surfaces.
+    """
     diag = float(np.linalg.norm(box[1] - box[0]))
     found: list[Hypothesis] = []
     for state in (1, 0):
@@ -69,8 +80,9 @@ def propose(
             if len(near) < 15:
                 continue
             patch = surfels.select(rng.permutation(near)[:patch_points])
-            axes = directions(lands[0].surfels, patch, rng)
-            ranked = search_patch(patch, lands[1 - state], axes, box, SEARCH_TAU * diag, state == 0)
+            axes = directions(lands[0].surfels, patch, rng, known=straight)
+            ranked = search_patch(patch, lands[1 - state], axes, box, SEARCH_TAU * diag, state == 0,
+                                  straight=straight)
             local = surfels.select(rng.permutation(near)[:400])
             empty = surfels.select(np.zeros(0, np.int64))
             sets = (local, empty) if state == 0 else (empty, local)

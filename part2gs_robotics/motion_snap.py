@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from part2gs_robotics import se3
-from part2gs_robotics.motion_search import SLIDE_STEP, Hypothesis, directions
+from part2gs_robotics.motion_search import SLIDE_STEP, Hypothesis, directions, on_edge
 from part2gs_robotics.motion_select import cover, saved_matrix
 from part2gs_robotics.study import Study
 
@@ -39,13 +39,16 @@ def snapped(found: list[Hypothesis], study: Study, rng: np.random.Generator) -> 
         for axis in axes:
             cosine = float(axis @ h.axis)
             if np.cos(limit) < abs(cosine) < 1 - 1e-7:
-                out.append(replace(h, axis=axis * np.sign(cosine), value=h.value * abs(cosine)))
+                out.append(replace(h, axis=axis * np.sign(cosine), value=h.value * abs(cosine),
+                                   held=on_edge(axis, study.straight.directions)))
     return out
 
 
 def _own_directions(study: Study, rng: np.random.Generator) -> F64:
+    """Return the directions of the object's edges, then those of its faces."""
     sample = study.surfels[0]
-    return directions(sample, sample.select(rng.permutation(len(sample))[:200]), rng)
+    patch = sample.select(rng.permutation(len(sample))[:200])
+    return directions(sample, patch, rng, known=study.straight.directions)
 
 
 def slide_families(found: list[Hypothesis], study: Study, price: float,
@@ -69,7 +72,9 @@ def slide_families(found: list[Hypothesis], study: Study, price: float,
     steps = np.arange(2, LONGEST_SLIDE / SLIDE_STEP) * SLIDE_STEP * study.diag
     out: list[Hypothesis] = []
     for axis in axes:
-        line = [Hypothesis(0, axis, study.box[0], float(s * v)) for v in steps for s in (1, -1)]
+        held = on_edge(axis, study.straight.directions)
+        line = [Hypothesis(0, axis, study.box[0], float(s * v), held=held)
+                for v in steps for s in (1, -1)]
         out += [
             line[c]
             for c in cover(saved_matrix(line, study.evidence, study.lands, study.diag), price)

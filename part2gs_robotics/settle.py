@@ -117,7 +117,7 @@ def _final(judge: Judge, joints: list[Joint], labels: tuple[Labels, Labels],
 
 def _held(joint: Joint) -> bool:
     """Say whether the images hold a joint in every way (a slide's origin has no deviation)."""
-    return not np.isinf([joint.sigma_axis, joint.sigma_origin, joint.sigma_value]).any()
+    return not np.isinf([joint.sigma_axis, joint.sigma_origin, joint.seen[1]]).any()
 
 
 def _alternate(

@@ -72,10 +72,14 @@ class Study:
         return share, 1.0 - share
 
     @cached_property
+    def straight(self) -> Guides:
+        """Directions of parallel straight edges of both states, the most frequent first."""
+        return guides_of(edge_families(bundled(self.segments), np.random.default_rng(0)))
+
+    @cached_property
     def guides(self) -> Guides:
         """Flat faces and straight edges of both states."""
-        faces = flat_faces(self.surfels, self.diag, np.random.default_rng(0))
-        return faces + guides_of(edge_families(bundled(self.segments), faces.directions))
+        return flat_faces(self.surfels, self.diag, np.random.default_rng(0)) + self.straight
 
     def clues(self, labels: tuple[NDArray[np.int64], NDArray[np.int64]], count: int) -> Clues:
         """Return what draws the joints of parts 1..count, from labels of the Gaussians."""

@@ -41,15 +41,15 @@ def _variants(motions: tuple[Hypothesis, ...], k: int, diag: float) -> list[Hypo
     own = motions[k]
     if own.kind:
         return []
-    axes = [own.axis]
+    ways = [own]
     for other in motions:
         cosine = float(other.axis @ own.axis)
         if other is not own and not other.kind and abs(cosine) > np.cos(PARALLEL):
             axis = other.axis * np.sign(cosine)
-            if all(float(axis @ known) < 1 - 1e-9 for known in axes):  # parallel ones are one try
-                axes.append(axis)
+            if all(float(axis @ known.axis) < 1 - 1e-9 for known in ways):  # parallel: one try
+                ways.append(replace(own, axis=axis, held=other.held))
     return [
-        replace(own, axis=axis, value=own.value + float(step) * diag)
-        for axis in axes
+        replace(way, value=own.value + float(step) * diag)
+        for way in ways
         for step in STEPS
     ]

@@ -1,4 +1,4 @@
-"""Slides along a part's own walls, and slides that no drawer makes."""
+"""Motions along a part's own walls and edges, and motions that no joint makes."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from part2gs_robotics import se3
-from part2gs_robotics.askew import askew
+from part2gs_robotics.askew import askew, crooked, square
 from part2gs_robotics.motion_search import Hypothesis
 
 BOX = np.repeat(np.concatenate([np.eye(3), -np.eye(3)]), 50, axis=0)
@@ -53,3 +53,24 @@ def test_a_ball_slides_anywhere_and_a_rod_along_itself():
 def test_turns_and_parts_without_surfels_are_not_askew():
     assert askew(slide([0, 1, 1], kind=1), BOX) == 0.0
     assert askew(slide([0, 1, 1]), BOX[:0]) == 0.0
+
+
+@pytest.mark.parametrize("kind", [0, 1, 2])
+def test_axes_keep_to_edges_and_to_the_line_across_two(kind):
+    known = square(np.eye(3)[:2])
+    assert known.shape == (3, 3)
+    for axis in np.eye(3):
+        assert crooked(slide(axis, kind), known) == crooked(slide(-axis, kind), known) == 0.0
+        near = axis + np.deg2rad(3.0) * np.roll(axis, 1)
+        assert crooked(slide(near, kind), known) == 0.0
+    assert crooked(slide([1, 1, 0], kind), known) == 1.0
+    between = crooked(slide([1, np.tan(np.deg2rad(7.0)), 0], kind), known)
+    assert between == pytest.approx(0.5)
+
+
+def test_one_direction_of_edges_says_nothing_about_axes():
+    assert square(np.eye(3)[:1]).shape == (0, 3)
+    assert square(np.zeros((0, 3))).shape == (0, 3)
+    nearly = np.array([[1, 0, 0], [np.cos(0.2), np.sin(0.2), 0]])  # no sure line across these
+    assert square(nearly).shape == (0, 3)
+    assert crooked(slide([1, 1, 0]), square(np.eye(3)[:1])) == 0.0

@@ -14,6 +14,7 @@ from part2gs_robotics.decide import (
     _two_at_once,
     decide,
 )
+from part2gs_robotics.guides import guides_of
 from part2gs_robotics.judge import (
     ALL_MET,
     INCOHERENT,
@@ -59,7 +60,8 @@ def test_no_wrong_motion_explains_surfels_as_well_as_the_true_one(world, request
     seen = request.getfixturevalue(world)
     states = tuple(s.surfels for s in seen.states)
     judge = Judge(SimpleNamespace(surfels=states, lands=tuple(s.land for s in seen.states),
-                                  graph=build_graph(states), tau=0.03))
+                                  graph=build_graph(states), tau=0.03,
+                                  straight=guides_of([])))
     turning = world == "turned"
     origin = seen.origin if turning else np.array([0.2, 0.3, 0.4])
     truth = Hypothesis(int(turning), seen.axis, origin, seen.value)

@@ -47,6 +47,12 @@ def error_of(found, truth, points):
                           axis=1).max()
 
 
+def across_faces(found, truth, own):
+    """Median distance, across the faces, between where two motions carry the part."""
+    gap = se3.apply(found.move, own.points) - se3.apply(truth.move, own.points)
+    return np.median(np.abs((gap * (own.normals @ truth.move[:3, :3].T)).sum(1)))
+
+
 def perturbed_of(truth):
     axis = truth.axis + np.array([0.04, -0.03, 0.05])
     return Hypothesis(truth.kind, axis / np.linalg.norm(axis),
@@ -61,12 +67,23 @@ def test_a_perturbed_motion_comes_back(name, request):
     start = perturbed_of(truth)
     found = refine(start, own, lands_of(world), TAUS, 4)
     assert error_of(start, truth, own[0].points) > 0.02
-    gap = se3.apply(found.move, own[0].points) - se3.apply(truth.move, own[0].points)
-    across = (gap * (own[0].normals @ truth.move[:3, :3].T)).sum(1)
-    assert np.median(np.abs(across)) < 0.002  # a tenth of a voxel
+    assert across_faces(found, truth, own[0]) < 0.002  # a tenth of a voxel
     assert error_of(found, truth, own[0].points) < 0.02  # along faces the voxel is the limit
     assert np.degrees(np.arccos(min(1.0, found.axis @ truth.axis))) < 0.7
     assert np.linalg.norm(found.axis) == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize("name", ["slid", "turned", "screwed"])
+def test_a_held_axis_stays_and_the_rest_is_found(name, request):
+    world = request.getfixturevalue(name)
+    truth, own = truth_of(world), own_of(world)
+    start = replace(perturbed_of(truth), axis=truth.axis, held=True)
+    found = refine(start, own, lands_of(world), TAUS, 4)
+    assert found.axis is truth.axis
+    assert found.held
+    assert across_faces(found, truth, own[0]) < 0.002
+    askew = replace(start, axis=perturbed_of(truth).axis)
+    assert refine(askew, own, lands_of(world), TAUS, 4).axis is askew.axis  # right or wrong
 
 
 @pytest.mark.parametrize("name", ["slid", "turned", "screwed"])

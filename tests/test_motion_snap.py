@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from part2gs_robotics import se3
+from part2gs_robotics.guides import Guides
 from part2gs_robotics.motion_search import Hypothesis
 from part2gs_robotics.motion_select import Evidence
 from part2gs_robotics.motion_snap import distinct, slide_families, snapped
@@ -27,7 +28,12 @@ def study(slid):
     box = points.min(0), points.max(0)
     return SimpleNamespace(surfels=states, lands=tuple(s.land for s in slid.states),
                            evidence=Evidence(*sets), box=box,
-                           diag=float(np.linalg.norm(box[1] - box[0])))
+                           diag=float(np.linalg.norm(box[1] - box[0])),
+                           straight=Guides(np.zeros((0, 3)), np.zeros((0, 3, 3))))
+
+
+def replace_straight(study, edge):
+    return SimpleNamespace(**{**vars(study), "straight": Guides(edge[None], np.zeros((1, 3, 3)))})
 
 
 def tilted(axis, degrees):
@@ -44,6 +50,20 @@ def test_a_tilted_slide_is_also_tried_straight(study):
         assert h.kind == 0
         assert h.axis @ rough.axis > 0  # the same way, not its opposite
         assert h.value == pytest.approx(0.3 * (h.axis @ rough.axis))
+
+
+def test_a_motion_on_an_edge_is_held_there(study):
+    """Edges come before faces: exactly their direction, and marked so that it stays."""
+    edge = tilted(np.array([1.0, 0, 0]), 1.0)
+    known = replace_straight(study, edge)
+    rough = Hypothesis(0, tilted(np.array([1.0, 0, 0]), 15.0), np.zeros(3), 0.3)
+    found = snapped([rough], known, np.random.default_rng(0))
+    on = [h for h in found if abs(h.axis @ edge) > 1 - 1e-12]
+    assert len(on) == 1
+    assert [h.held for h in found] == [h is on[0] for h in found]
+    family = slide_families([on[0]], known, 20.0, np.random.default_rng(0))
+    assert family
+    assert all(h.held for h in family)
 
 
 def test_a_hinge_is_snapped_within_its_own_narrower_limit(study):

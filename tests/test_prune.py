@@ -13,7 +13,7 @@ from part2gs_robotics.joints import Joint
 from part2gs_robotics.judge import Judge
 from part2gs_robotics.nested import _proven
 from part2gs_robotics.part_tree import flat
-from part2gs_robotics.prune import FIRM, LOOSE, _gain, _two_in_one, held, pruned, regrown
+from part2gs_robotics.prune import FIRM, LOOSE, SHARED, _gain, _two_in_one, held, pruned, regrown
 
 SIGMAS = pytest.mark.parametrize("sigma", [0.1, np.inf, np.nan])
 
@@ -22,7 +22,7 @@ SIGMAS = pytest.mark.parametrize("sigma", [0.1, np.inf, np.nan])
 def parts(look_alikes):
     """Both true joints, and one that is nearly the first and saves nothing beside it."""
     first, second = (Joint("prismatic", h.axis, h.origin, h.value, sigma_axis=0.5 * LOOSE,
-                           sigma_value=1e-3) for h in look_alikes.truth)
+                           seen=(0.5 * LOOSE, 1e-3)) for h in look_alikes.truth)
     return first, second, replace(first, value=1.01 * first.value)
 
 
@@ -34,7 +34,7 @@ def tree_of(judge, look_alikes, *joints):
 def test_a_part_that_images_do_not_hold_and_that_saves_little_is_left_out(
         judge, look_alikes, parts, sigma):
     first, second, copy = parts
-    loose = replace(copy, sigma_axis=sigma)
+    loose = replace(copy, seen=(sigma, 1e-3))
     left = held(judge, tree_of(judge, look_alikes, first, second, loose))
     assert (left.joints, left.parents, left.known) == ([first, second], (0, 0), (1, 2))
     np.testing.assert_array_equal(left.hard, judge.judge(look_alikes.truth).hard)
@@ -42,22 +42,37 @@ def test_a_part_that_images_do_not_hold_and_that_saves_little_is_left_out(
 
 def test_a_part_whose_way_images_do_not_show_is_not_held(judge, look_alikes, parts):
     first, second, copy = parts
-    loose = replace(copy, sigma_value=np.inf)
+    loose = replace(copy, seen=(0.5 * LOOSE, np.inf))
     assert held(judge, tree_of(judge, look_alikes, first, second, loose)).joints == [first, second]
 
 
-def test_a_part_whose_axis_is_firm_stays_though_images_do_not_show_its_way(
-        judge, look_alikes, parts):
+@pytest.mark.parametrize(("share", "stays"), [(1.1 * SHARED, True), (0.9 * SHARED, False)])
+def test_a_part_whose_axis_is_firm_stays_where_both_states_show_it(
+        judge, look_alikes, parts, share, stays, monkeypatch):
+    """Images show neither its axis nor its way; along an edge it may lie by chance."""
     first, second, copy = parts
     tree = tree_of(judge, look_alikes, first, second,
-                   replace(copy, sigma_axis=0.9 * FIRM, sigma_value=np.inf))
-    assert held(judge, tree) is tree
+                   replace(copy, sigma_axis=0.9 * FIRM, seen=(np.inf, np.inf)))
+    monkeypatch.setattr(judge, "shared", lambda *_: np.array([1.0, 1.0, share]))
+    assert (held(judge, tree) is tree) == stays
+
+
+def test_a_true_part_is_shared_and_one_that_a_state_hides_is_not(judge, look_alikes, right):
+    n0, hard = len(judge.study.surfels[0]), right.hard.copy()
+    both = judge.shared(look_alikes.truth, hard)
+    assert (both > 2 * SHARED).all()
+    rows = np.flatnonzero(hard == 2)
+    hard[rows[rows >= n0][int(0.1 * (rows < n0).sum()):]] = 0
+    hidden = judge.shared(look_alikes.truth, hard)
+    assert hidden[0] == pytest.approx(both[0])
+    assert hidden[1] < SHARED
+    assert (judge.shared(look_alikes.truth, np.zeros_like(hard)) == 0).all()
 
 
 @SIGMAS
 def test_what_saves_much_stays_and_what_is_held(judge, look_alikes, parts, sigma):
     first, second, copy = parts
-    for joints in ((first, replace(second, sigma_axis=sigma)), (first, second, copy)):
+    for joints in ((first, replace(second, seen=(sigma, 1e-3))), (first, second, copy)):
         tree = tree_of(judge, look_alikes, *joints)
         assert held(judge, tree) is tree
 
@@ -65,7 +80,7 @@ def test_what_saves_much_stays_and_what_is_held(judge, look_alikes, parts, sigma
 @SIGMAS
 def test_carriers_stay_and_numbers_follow(judge, look_alikes, parts, sigma):
     first, second, copy = parts
-    loose = replace(copy, sigma_axis=sigma)
+    loose = replace(copy, seen=(sigma, 1e-3))
     carrier = replace(tree_of(judge, look_alikes, first, loose, second), parents=(0, 0, 2))
     assert held(judge, carrier) is carrier
     beside = replace(tree_of(judge, look_alikes, loose, first, second), parents=(0, 0, 2))
@@ -74,7 +89,7 @@ def test_carriers_stay_and_numbers_follow(judge, look_alikes, parts, sigma):
 
 def test_one_part_must_stay(judge, look_alikes, parts):
     first, _, copy = parts
-    both = tree_of(judge, look_alikes, *(replace(j, sigma_axis=np.inf) for j in (first, copy)))
+    both = tree_of(judge, look_alikes, *(replace(j, seen=(np.inf, np.inf)) for j in (first, copy)))
     assert len(held(judge, both).joints) >= 1
     assert len(pruned(judge, tree_of(judge, look_alikes, first)).joints) == 1
 
@@ -125,12 +140,12 @@ def test_a_settled_tree_is_proven_until_nothing_leaves(judge, look_alikes, parts
                                                        monkeypatch):
     """A loose false part leaves, the true one has its place, and all settle once for that."""
     first, second, _ = parts
-    false = replace(second, axis=np.array([0.0, 1, 0]), sigma_axis=0.1)
+    false = replace(second, axis=np.array([0.0, 1, 0]), seen=(0.1, 1e-3))
     settled = []
 
     def settle(_judge, joints, hard, *_views_and_config):
         settled.append(len(joints))
-        return [replace(j, sigma_axis=0.5 * LOOSE, sigma_value=1e-3) for j in joints], hard
+        return [replace(j, seen=(0.5 * LOOSE, 1e-3)) for j in joints], hard
 
     monkeypatch.setattr("part2gs_robotics.nested.settle", settle)
     tree = tree_of(judge, look_alikes, first, false)

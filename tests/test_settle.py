@@ -113,9 +113,10 @@ def test_alignment_is_made_again_where_a_joint_is_not_held(
     assert miss(judge, found, true_joints) < 0.002
 
 
-@pytest.mark.parametrize("name", ["sigma_axis", "sigma_origin", "sigma_value"])
-def test_a_joint_is_held_unless_a_deviation_is_infinite(name) -> None:
+@pytest.mark.parametrize("lost", [{"sigma_axis": np.inf}, {"sigma_origin": np.inf},
+                                  {"seen": (0.01, np.inf)}])
+def test_a_joint_is_held_unless_a_deviation_is_infinite(lost) -> None:
     slide = Joint("prismatic", np.array([0.0, 0.0, 1.0]), np.zeros(3), 0.1,
-                  sigma_axis=0.01, sigma_value=0.01)
+                  sigma_axis=0.01, sigma_value=0.01, seen=(0.01, 0.01))
     assert _held(slide)  # its origin has no deviation
-    assert not _held(replace(slide, **{name: np.inf}))
+    assert not _held(replace(slide, **lost))
