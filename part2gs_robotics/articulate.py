@@ -118,6 +118,8 @@ def found_motions(
     total = len(study.surfels[0]) + len(study.surfels[1])
     logger.info("evidence: %d of %d surfels left their place or are new in it", moved, total)
     logger.info(study.light.told())
+    logger.info("edges: %d straight ones in the photos, %d directions of parallel ones",
+                sum(map(len, study.segments)), len(study.straight.directions))
     if moved < MIN_EVIDENCE * total:
         raise FitError(
             f"{scene.path}: only {moved} of {total} surface points moved between the states. "
