@@ -86,7 +86,7 @@ def held(judge: Judge, tree: Tree) -> Tree:
     """
     motions = [hypothesis_of(j) for j in tree.joints]
     shown = judge.shared(motions, tree.hard) > SHARED
-    sure = [j.seen[0] < LOOSE if np.isfinite(j.seen[1]) else j.sigma_axis < FIRM and both
+    sure = [(np.isfinite(j.seen[1]) and j.seen[0] < LOOSE) or (j.sigma_axis < FIRM and both)
             for j, both in zip(tree.joints, shown, strict=True)]
     if not any(sure):  # plain parts: photos that hold none in place do not tell
         return tree
