@@ -108,7 +108,7 @@ def _joint_data(joint: Joint) -> dict[str, object]:
 
 def _joint(data: dict[str, Any]) -> Joint:
     arrays = {key: np.array(data[key], float) for key in ("axis", "origin")}
-    return Joint(**(data | arrays))
+    return Joint(**(data | arrays | {"seen": tuple(data["seen"])}))
 
 
 def _numbers(values: dict[str, float]) -> dict[str, float]:

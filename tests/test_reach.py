@@ -100,13 +100,15 @@ def test_a_narrow_part_keeps_its_proofs() -> None:
 
 def test_a_hidden_side_goes_with_the_part_it_hangs_on(slid) -> None:
     """A block slides; where both motions hide a surfel, its neighbours on the block decide."""
+    from part2gs_robotics.guides import guides_of
     from part2gs_robotics.joints import Joint
     from part2gs_robotics.judge import Judge
     from part2gs_robotics.labelling import build_graph
 
     pair = tuple(s.surfels for s in slid.states)
     lands = tuple(s.land for s in slid.states)
-    study = SimpleNamespace(surfels=pair, lands=lands, graph=build_graph(pair), tau=0.03, diag=1.0)
+    study = SimpleNamespace(surfels=pair, lands=lands, graph=build_graph(pair), tau=0.03, diag=1.0,
+                            straight=guides_of([]))
     joint = Joint("prismatic", slid.axis, np.array([0.2, 0.3, 0.4]), slid.value)
     judge = Judge(study)  # type: ignore[arg-type]
     start = np.zeros(len(pair[0]) + len(pair[1]), np.int64)
