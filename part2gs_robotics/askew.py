@@ -52,11 +52,11 @@ def square(edges: F64) -> F64:
     return np.array([*edges, *found] if found else []).reshape(-1, 3)
 
 
-def crooked(h: Hypothesis, square: F64) -> float:
-    """Return 0..1, how surely an axis keeps to none of the directions [C, 3] of `square`."""
-    if not len(square):
+def crooked(h: Hypothesis, lines: F64) -> float:
+    """Return 0..1, how surely an axis keeps to none of the lines [C, 3] of `square`."""
+    if not len(lines):
         return 0.0
-    gap = np.arccos(min(float(np.abs(square @ h.axis).max()), 1.0))
+    gap = np.arccos(min(float(np.abs(lines @ h.axis).max()), 1.0))
     return float(np.clip((gap - BESIDE) / (OFF - BESIDE), 0.0, 1.0))
 
 

@@ -17,7 +17,7 @@ from part2gs_robotics.segments import Segments
 
 F64 = NDArray[np.float64]
 PIXEL = 0.1  # pixels: an end of a segment is known that well
-LENS = 3e-4  # rad: a sixth of a pixel along a hundred; longer edges are no straighter
+LENS = 3e-4  # rad: three hundredths of a pixel along a hundred: none is straighter
 STRAIGHT = np.deg2rad(0.02)  # rad, of joints beside edges: median 0.005 deg, 8 of 65 above 0.03
 WIDTHS = np.deg2rad([1.0, 1.0, 0.5, 0.5, 0.25, 0.25, 0.25, 0.25, 0.25, 0.25])  # of the kernel
 RING = np.deg2rad(3.0)  # rad: segments up to there tell how many are near by chance
@@ -31,8 +31,6 @@ PAIRS = 2000  # a family of a twentieth of all segments is shared by five of the
 VOTE = np.deg2rad(0.5)  # rad, of a segment's plane
 MOST = 8  # families: three of a box, two of every open door
 TRIED = 60  # seeds: what more find are chance's
-
-
 _QUARTER = np.array([[0.0, 1.0], [-1.0, 0.0]])  # a . _QUARTER . b is the sine between a and b
 
 

@@ -99,15 +99,31 @@ def squared(joint: Joint, h: F64, guides: Guides, diag: float) -> Joint:
         diag: diagonal of the object in scene units.
     """
     known = drawn(joint.sigma_axis, direction_of(joint.axis, guides))
-    if known is None:
+    moved = None if known is None else followed(joint, h, 0, known.tilts, diag)
+    if known is None or moved is None:
         return joint
-    held = h[2:, 2:] + damping_of(h) * np.eye(len(h) - 2)
-    rest = -np.linalg.solve(held, h[2:, :2] @ known.tilts)
-    step = np.concatenate([known.tilts, rest])
-    if np.abs(step).max() > NEAR:  # the rest hangs on what no image shows
-        return joint
-    sigma = float(np.sqrt(np.trace(known.covariance)))
-    return replace(perturbed(joint, step, diag), sigma_axis=sigma)
+    return replace(moved, sigma_axis=float(np.sqrt(np.trace(known.covariance))))
+
+
+def followed(joint: Joint, h: F64, first: int, known: F64, diag: float) -> Joint | None:
+    """Return the joint with some coordinates moved, later ones following by the curvature.
+
+    Args:
+        joint: aligned.
+        h: [P, P] curvature in the coordinates of joint_fit.perturbed.
+        first: where the known ones begin; those before stay.
+        known: [K] their change.
+        diag: diagonal of the object in scene units.
+
+    Returns:
+        None where what follows hangs on what no image shows: it would go as far as NEAR.
+    """
+    end = first + len(known)
+    step = np.zeros(len(h))
+    step[first:end] = known
+    held = h[end:, end:] + damping_of(h) * np.eye(len(h) - end)
+    step[end:] = -np.linalg.solve(held, h[end:, first:end] @ known)
+    return None if np.abs(step).max() > NEAR else perturbed(joint, step, diag)
 
 
 def drawn(sigma: float, direction: Direction | None) -> Direction | None:

@@ -30,7 +30,8 @@ LOOSE = 0.02  # rad: five times the loosest true part of eleven scenes; false on
 # doors, drawers and lids 0.0015 to 0.002, a false part on a microwave's door 0.01.
 FIRM = 0.004
 # Of the richer state's surfels: what images do not hold is a part only if both states show as much
-# of it. True parts of 25 objects 0.2 to 1, a slide that hid a microwave's bent inside 0.11.
+# of it. True parts 0.2 to 1, but for two that save much (a thin flap 0.06, trays in one 0.11); a
+# slide that hid a microwave's bent inside 0.11.
 SHARED = 0.15
 ALIKE = 0.05  # of the diagonal: refinement takes motions nearer than that to one place
 

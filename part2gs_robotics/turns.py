@@ -13,12 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from part2gs_robotics.align_system import damping_of
 from part2gs_robotics.edges import CLEAR, PEAK, RING, STAYED, Bundle, bundled, looked_at
 from part2gs_robotics.evidence import DepthMaps
 from part2gs_robotics.gaussians import Gaussians
-from part2gs_robotics.guides import BEND
-from part2gs_robotics.joint_fit import perturbed
+from part2gs_robotics.guides import BEND, followed
 from part2gs_robotics.joints import Joint
 from part2gs_robotics.segments import Segments
 
@@ -139,10 +137,10 @@ def turned(joint: Joint, h: F64, edges: PartEdges, diag: float) -> Joint:
     """Return the joint turned as far as its part's edges say, its place following.
 
     Args:
-        joint: aligned, with standard deviations.
-        h: [P, P] curvature of the alignment in the coordinates of joint_fit.perturbed.
+        joint: as in guides.squared, and h and diag.
+        h: [P, P].
         edges: of the part.
-        diag: diagonal of the object in scene units.
+        diag: scene units.
     """
     slides = joint.kind == "prismatic" or joint.carrier is not None  # a carrier turns edges too
     found = None if slides else turn_of(edges, joint.axis, joint.value)
@@ -154,10 +152,8 @@ def turned(joint: Joint, h: F64, edges: PartEdges, diag: float) -> Joint:
     if gap**2 > FAR**2 * (own**2 + error**2):
         return joint
     gain = 1.0 if np.isinf(own) else float(own**2 / (own**2 + error**2))
-    step = np.zeros(len(h))
-    step[2] = gain * gap
-    step[3:] = -np.linalg.solve(h[3:, 3:] + damping_of(h) * np.eye(len(h) - 3), h[3:, 2] * step[2])
-    return replace(perturbed(joint, step, diag), sigma_value=gain**0.5 * error)
+    moved = followed(joint, h, 2, np.array([gain * gap]), diag)
+    return joint if moved is None else replace(moved, sigma_value=gain**0.5 * error)
 
 
 def _by_view(asked: F64, views: NDArray[np.int64]) -> float:

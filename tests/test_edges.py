@@ -4,17 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from toys import pictures
+from toys import angle, pictures
 
 from part2gs_robotics import se3
 from part2gs_robotics.edges import bundled, edge_families
 from part2gs_robotics.segments import Segments, segments_of
 
 TURN = se3.rotation_from_rotvec(np.array([0.3, -0.5, 0.9]))
-
-
-def angle(a, b):
-    return float(np.arccos(min(1.0, abs(a @ b))))
 
 
 def lines_along(direction, count, rng):

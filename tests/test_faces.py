@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from toys import angle
 
 from part2gs_robotics import se3
 from part2gs_robotics.faces import flat_faces
@@ -26,10 +27,6 @@ def walls(rng, noise=0.002, turn=TURN):
     count = len(all_normals)
     return Surfels(np.concatenate(points) @ turn.T, all_normals @ turn.T,
                    np.full((count, 3), 0.5), np.full(count, 5))
-
-
-def angle(a, b):
-    return float(np.arccos(min(1.0, abs(a @ b))))
 
 
 @pytest.fixture(scope="module")

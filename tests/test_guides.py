@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from toys import angle
 
 from part2gs_robotics import se3
 from part2gs_robotics.guides import BEND, Direction, Guides, direction_of, drawn, guides_of, squared
@@ -11,10 +12,6 @@ from part2gs_robotics.joints import Joint
 
 TURN = se3.rotation_from_rotvec(np.array([0.3, -0.5, 0.9]))
 WALL = np.deg2rad(0.12)  # rad: normals of fitted walls are known that well
-
-
-def angle(a, b):
-    return float(np.arccos(min(1.0, abs(a @ b))))
 
 
 def tilted(axis, degrees, rng):

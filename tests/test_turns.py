@@ -82,6 +82,9 @@ def test_a_joint_turns_as_far_as_its_edges_and_its_place_follows(eyes):
     moved = np.linalg.norm(out.origin - joint.origin)
     assert moved == pytest.approx(0.5 * (out.value - joint.value), rel=2e-2)
     assert turned(replace(joint, value=VALUE - 10 * off), h, edges, 1.0).value == VALUE - 10 * off
+    loose = h.copy()  # its place hangs on the turn by what no image shows
+    loose[3:, 3:] = 0.0
+    assert turned(joint, loose, edges, 1.0) is joint
     slide = replace(joint, kind="prismatic")
     assert turned(slide, np.eye(3), edges, 1.0) is slide
     carried = replace(joint, carrier=np.eye(4))

@@ -19,6 +19,11 @@ class Box:
     move: np.ndarray = field(default_factory=lambda: np.eye(4))
 
 
+def angle(a, b):
+    """Return rad between two unit directions without sign."""
+    return float(np.arccos(min(1.0, abs(a @ b))))
+
+
 def paint(points, seed):
     """Return [n, 3] colours in 0.1..0.9: smooth waves of a fifth of a unit and longer."""
     rng = np.random.default_rng(seed)
