@@ -32,6 +32,10 @@ class SmallViews:
         return SmallViews(self.colors[index], self.alphas[index], self.Ks[index],
                           self.viewmats[index])
 
+    def every(self, step: int) -> SmallViews:
+        """Return one view of every `step`."""
+        return self.select(list(range(0, len(self.colors), step)))
+
 
 def spread(viewmats: F64, count: int) -> list[int]:
     """Return indices of up to `count` cameras [V, 4, 4] far from each other, in order."""
