@@ -29,10 +29,6 @@ if TYPE_CHECKING:
 logger = logging.getLogger(__name__)
 SHARE_0 = 8 / 22  # of the patches in state 0: the open state shows more of what moved
 POOL_PRICE = 0.004  # of the evidence: what a hypothesis must explain to enter the competition
-# Of that, where there is room: thin parts, such as a dishwasher's wire trays, explain little more
-# than doubtful motions of its door do.
-ROOM_PRICE = 0.5
-FAMILY_PRICE = 0.02  # of the evidence, likewise, for one more distance along an axis
 POOL_TOP = 12  # hypotheses that are also tried on the object's own directions
 MIN_EVIDENCE = 0.004  # of all surfels: less is noise, nothing moved
 
@@ -162,11 +158,13 @@ def _pool(
     seeds = first, search.patches - first
     found = propose(study.evidence, study.lands, study.box, seeds, rng, search.patch_points,
                     study.straight.directions)
-    best = choose(found, study.evidence, study.lands, study.diag, POOL_PRICE * moved, POOL_TOP,
-                  ROOM_PRICE)
-    top = distinct(best, study)
+    ranked = sorted(
+        choose(found, study.evidence, study.lands, study.diag, POOL_PRICE * moved),
+        key=lambda p: -p[1],
+    )
+    top = distinct([h for h, _ in ranked][:POOL_TOP], study)
     straight = snapped(top, study, rng)
-    families = slide_families([*straight, *top], study, FAMILY_PRICE * moved, rng)
+    families = slide_families([*straight, *top], study, 5 * POOL_PRICE * moved, rng)
     pool = distinct([*top, *families, *straight], study)
     logger.info("search: %d patches' motions, %d compete", len(found), len(pool))
     return pool

@@ -179,24 +179,12 @@ def choose(
     lands: tuple[Landing, Landing],
     diag: float,
     price: float,
-    most: int,
-    room: float,
     rounds: int = 3,
-) -> list[Hypothesis]:
-    """Return the chosen motions, those first that are hardest to do without.
+) -> list[tuple[Hypothesis, float]]:
+    """Return the chosen motions with the cost of doing without each.
 
     Facility location over the hypotheses; the chosen ones are refined on what they explain and
     compete again, so that a polished motion replaces its own rough copies.
-
-    Args:
-        found: motions.
-        evidence: what left and what arrived.
-        lands: landing grids of both states.
-        diag: diagonal of the object.
-        price: evidence that one more motion must explain.
-        most: motions that are returned.
-        room: share of the price that a motion must explain where fewer pay the whole of it.
-        rounds: of refinement.
     """
     pool = list(found)
     saved = saved_matrix(pool, evidence, lands, diag)
@@ -217,30 +205,16 @@ def choose(
             np.concatenate([saved, saved_matrix(fresh, evidence, lands, diag)]) if fresh else saved
         )
     rows = cover(saved, price)
-    others = [saved[[r for r in rows if r != c]] for c in rows]
-    left = [float(o.max(0).sum()) if len(o) else 0.0 for o in others]
-    ranked = [rows[k] for k in np.argsort(left, kind="stable")][:most]
-    return [pool[c] for c in (*ranked, *further(saved, rows, room * price, most - len(ranked)))]
-
-
-def further(saved: F64, rows: list[int], least: float, count: int) -> list[int]:
-    """Return rows that save most beside all before them, best first.
-
-    Args:
-        saved: [H, n] what every row saves.
-        rows: taken already.
-        least: that each must save.
-        count: rows at most.
-    """
-    floor = saved[rows].max(0) if rows else np.zeros(saved.shape[1])
-    more: list[int] = []
-    for _ in range(count if len(saved) else 0):
-        gains = np.maximum(saved - floor, 0.0).sum(1)
-        if gains.max() < least:
-            break
-        more.append(int(gains.argmax()))
-        floor = np.maximum(floor, saved[more[-1]])
-    return more
+    total = saved[rows].max(0).sum() if rows else 0.0
+    return [
+        (
+            pool[c],
+            float(
+                total - (saved[[r for r in rows if r != c]].max(0).sum() if len(rows) > 1 else 0.0)
+            ),
+        )
+        for c in rows
+    ]
 
 
 def _owners(saved: F64, rows: list[int]) -> list[tuple[int, NDArray[np.bool_]]]:

@@ -15,7 +15,6 @@ from part2gs_robotics.motion_select import (
     choose,
     cover,
     explained,
-    further,
     farthest,
     saved_matrix,
 )
@@ -35,17 +34,7 @@ def test_each_row_must_save_its_price():
 def test_without_hypotheses_nothing_is_chosen(slid):
     assert cover(np.zeros((0, 5)), 1.0) == []
     evidence, lands = evidence_of(slid)
-    assert choose([], evidence, lands, 2.0, 1.0, 12, 0.5) == []
-
-
-def test_what_saves_most_beside_the_others_comes_next():
-    saved = np.array([[9.0, 9, 0, 0, 0], [0, 0, 3, 0, 0], [8, 8, 3, 2, 0], [0, 0, 0, 0, 4]])
-    assert further(saved, [0], 1.0, 9) == [2, 3]  # a part of row 2, none of row 1 is left to save
-    assert further(saved, [0], 1.0, 1) == [2]
-    assert further(saved, [0], 4.5, 9) == [2]
-    assert further(saved, [0], 5.5, 9) == []
-    assert further(saved, [], 1.0, 2) == [2, 3]
-    assert further(np.zeros((0, 5)), [], 1.0, 2) == []
+    assert choose([], evidence, lands, 2.0, 1.0) == []
 
 
 def test_a_copy_is_not_paid_for_twice():
@@ -115,5 +104,8 @@ def test_choosing_keeps_the_true_motion_and_polishes_a_rough_one(slid):
     axis = np.array([1.0, 0.02, -0.02])
     rough = Hypothesis(0, axis / np.linalg.norm(axis), np.array([0.2, 0.3, 0.4]), 0.29)
     wrong = [Hypothesis(0, np.eye(3)[i], np.zeros(3), d) for i in (1, 2) for d in (-0.4, 0.4)]
-    (h,) = choose([*wrong, rough], evidence, lands, 2.0, 20.0, 12, 1.0)
+    chosen = choose([*wrong, rough], evidence, lands, 2.0, 20.0)
+    assert len(chosen) == 1
+    h, gain = chosen[0]
+    assert gain > 20.0
     assert np.allclose(h.axis * h.value, slid.axis * slid.value, atol=0.003)
