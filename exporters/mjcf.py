@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import xml.etree.ElementTree as ET
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -62,7 +63,7 @@ def twin_xml(twin: Twin, physics: Physics) -> ET.Element:
     _body(add(root, "worldbody"), twin, physics, 0)
     _actuators(root, twin, physics)
     _screws(root, twin)
-    _keyframes(root, twin)
+    _keyframes(root, twin, physics)
     return root
 
 
@@ -218,19 +219,32 @@ def _screws(root: ET.Element, twin: Twin) -> None:
         )
 
 
-def _keyframes(root: ET.Element, twin: Twin) -> None:
-    moving = [twin.parts[i] for i in moving_parts(twin)]
-    if not moving:
+def _keyframes(root: ET.Element, twin: Twin, physics: Physics) -> None:
+    placed = [twin.parts[i] for i in _down(twin, 0) if moves(twin.parts[i])]
+    if not placed:
         return
     keyframe = add(root, "keyframe")
     for state in (0, 1):
-        qpos, ctrl = [], []
-        for part in moving:
-            assert part.joint is not None  # moving parts have one
-            value = part.joint.value * state
-            ctrl.append(value)
-            qpos += [value, value * part.joint.pitch] if part.joint.kind == "screw" else [value]
+        qpos = [state * value for part in placed for value in _positions(part)]
+        ctrl = [state * _positions(twin.parts[i])[0] for i in physics.joints]
         add(keyframe, "key", name=f"state_{state}", qpos=qpos, ctrl=ctrl)
+
+
+def _down(twin: Twin, index: int) -> Iterator[int]:
+    """Yield a part and all it carries in the order of `_body`, which is that of MuJoCo's qpos.
+
+    A part that hangs on part 1 comes before part 2, whatever its number is.
+    """
+    yield index
+    for child in children(twin, index):
+        yield from _down(twin, child)
+
+
+def _positions(part: Part) -> list[float]:
+    """Return the positions of a moving part's joints in state 1."""
+    assert part.joint is not None  # moving parts have one
+    value = part.joint.value
+    return [value, value * part.joint.pitch] if part.joint.kind == "screw" else [value]
 
 
 def scene_xml(twin: Twin, physics: Physics) -> ET.Element:

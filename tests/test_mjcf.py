@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Callable
 from pathlib import Path
 
 import mujoco
@@ -60,9 +61,17 @@ def test_kinematics_equal_the_twin_for_random_positions(tmp_path: Path) -> None:
             np.testing.assert_allclose(body_transform(data, part.name), place, atol=1e-9)
 
 
+def carried_last(twin: Twin) -> Twin:
+    """Return the twin with the lever, which the door carries, after all parts on the base."""
+    base, drawer, door, lever, cap = twin.parts
+    return dataclasses.replace(twin, parts=(base, drawer, door, cap, lever))
+
+
 @pytest.mark.parametrize("state", [0, 1])
-def test_keyframes_place_the_meshes_where_they_were_seen(tmp_path: Path, state: int) -> None:
-    twin = toy_cabinet_twin(4)
+@pytest.mark.parametrize("order", [lambda twin: twin, carried_last])
+def test_keyframes_place_the_meshes_where_they_were_seen(tmp_path: Path, state: int,
+                                                         order: Callable[[Twin], Twin]) -> None:
+    twin = order(toy_cabinet_twin(4))
     model = load(twin, tmp_path)
     data = mujoco.MjData(model)
     mujoco.mj_resetDataKeyframe(model, data, model.key(f"state_{state}").id)
