@@ -48,7 +48,7 @@ HALF = np.deg2rad(135.0)  # beside the carrier: from here on a plate lands on it
 # up to 2.7 % in nine builds, a lamp's arm 8.5 %.
 REHUNG = 2
 # Of the cost left: for a hinge line FAR away from its part, see `_apart`; more than REHUNG prices:
-# it alone tells two turns about parallel axes from the one about a far line that both together make.
+# it alone tells two turns about parallel axes from one about a far line, which both make together.
 FAR_PRICE = 0.04
 FAR = 0.3  # of the diagonal
 
