@@ -50,23 +50,20 @@ class Level:
         blur: of the images, pixels: wide catches large errors, narrow decides.
         robust: colour difference at which a pixel counts a quarter.
         steps: at most.
-        every: of so many views one is heard; few suffice to come near.
     """
 
     blur: float
     robust: float
     steps: int
-    every: int
 
 
-COARSE = (Level(2.5, 0.10, 3, 2), Level(1.5, 0.08, 3, 2))  # each step halves the error or more
+COARSE = (Level(2.5, 0.10, 3), Level(1.5, 0.08, 3))  # each step halves the error or more
 # Narrow and strict decide: shading and neighbours pull on what a wide one lets speak. 0.02 or half
 # a pixel's blur change joints by less than 0.02 deg.
-FINE = (Level(1.0, 0.06, 5, 2), Level(0.7, 0.03, 8, 1))
+FINE = (Level(1.0, 0.06, 5), Level(0.7, 0.03, 8))
 STILL = 5e-5  # rad or diagonals: a step shorter than 0.003 deg ends a level
 TELLING = 8  # views per state that tell whether a curvature is one of the images
 PROBE = 1e-3  # rad or diagonals: a tenth of a pixel, well above rounding
-LEAST_HEARD = 4  # views per state, seen from all sides, that bring a joint near
 LEAST_GAIN = 0.01  # of the image cost: less is what two views' noise changes
 
 
@@ -103,9 +100,8 @@ def align(
     for level in levels:
         poses = [at(j, diag) for j in joints]
         mixing = [Mixing() for _ in joints]
-        heard = _thinned(views[0], level.every), _thinned(views[1], level.every)
         for _ in range(level.steps):
-            pairs = _systems(gaussians, labels, poses, heard, level)
+            pairs = _systems(gaussians, labels, poses, views, level)
             plain = [solved(weighed(*pair)) for pair in pairs]
             poses = [pose.moved(m.step(pose.offset, step))
                      for pose, m, step in zip(poses, mixing, plain, strict=True)]
@@ -230,10 +226,6 @@ def _true_curvatures(
                 was, now = (summed(p, weights[k]).g for p in (pairs[k], pair))
                 change[k][:, i] = (was - now) / PROBE
     return [(c, bread(pair, w)) for c, pair, w in zip(change, pairs, weights, strict=True)]
-
-
-def _thinned(views: SmallViews, step: int) -> SmallViews:
-    return views.every(max(1, min(step, len(views.colors) // LEAST_HEARD)))
 
 
 def _few(views: SmallViews) -> SmallViews:

@@ -41,6 +41,7 @@ ROUNDS = 2  # of alignment and relabelling before and after tuning; a third chan
 # Of the moving surfels: 0.6 to 0.9 % changed in three scenes where a second alignment was no use,
 # 4 % where fronts are mixed up.
 RELABELLED = 0.02
+THIN = 2  # every other view until the last alignment
 VETO = 0.002  # of the image cost: surfels were heard too, and three drawers differed by 0.0013
 
 
@@ -60,10 +61,11 @@ def settle(
     """
     if len(joints) == 1:
         return _alone(judge, joints, hard, views, sharp, config)
-    new, verdict = _alternate(judge, joints, hard, views, (*COARSE, *FINE[:1]))
+    thin = views[0].every(THIN), views[1].every(THIN)
+    new, verdict = _alternate(judge, joints, hard, thin, (*COARSE, *FINE[:1]))
     verdict = tune(judge, verdict, lambda text: logger.info("settle: %s", text))
     new = [_follow(j, h) for j, h in zip(new, verdict.motions, strict=True)]
-    new, verdict = _alternate(judge, new, verdict.hard, views, FINE[:1])
+    new, verdict = _alternate(judge, new, verdict.hard, thin, FINE[:1])
     costs = [_cost(judge, j, h, views) for j, h in ((joints, hard), (new, verdict.hard))]
     logger.info("settle: image cost %.4f after, %.4f before", costs[1], costs[0])
     if costs[1] < (1.0 + VETO) * costs[0]:
