@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from part2gs_robotics import se3
 from part2gs_robotics.evidence import DepthMaps, observe
 from part2gs_robotics.render_jit import inlined, parallel_kernel
 from part2gs_robotics.surfels import Surfels
@@ -80,45 +81,32 @@ def build_landing(
 
 
 @inlined
-def _point_cost(moves: F64, h: int, points: F64, normals: F64, colors: F64, q: int, lo: F64,
-                inv: float, cells: NDArray[np.int32], rows: F64,
-                tau2: float) -> tuple[float, int, float]:
-    """Return (cost, index of the surfel met or -1, cost of meeting nothing): point q, motion h.
+def _cell(px: float, py: float, pz: float, lo: F64, inv: float, cells: NDArray[np.int32]) -> int:
+    """Return the cell of a place; beyond the grid, that of an empty one."""
+    x, y, z = (px - lo[0]) * inv, (py - lo[1]) * inv, (pz - lo[2]) * inv
+    inside = x >= 0.0 and y >= 0.0 and z >= 0.0
+    if not inside or x >= cells.shape[0] or y >= cells.shape[1] or z >= cells.shape[2]:
+        return 1
+    return int(cells[int(x), int(y), int(z)])
+
+
+@inlined
+def _match(px: float, py: float, pz: float, nx: float, ny: float, nz: float, colors: F64, q: int,
+           m: int, rows: F64, tau2: float) -> float:
+    """Return the cost of moved point q where it meets surfel m; above every miss if it does not.
 
     Numbers and no views of rows: both threads would count the references to the same array.
     """
-    x, y, z = points[q, 0], points[q, 1], points[q, 2]
-    px = moves[h, 0, 0] * x + moves[h, 0, 1] * y + moves[h, 0, 2] * z + moves[h, 0, 3]
-    py = moves[h, 1, 0] * x + moves[h, 1, 1] * y + moves[h, 1, 2] * z + moves[h, 1, 3]
-    pz = moves[h, 2, 0] * x + moves[h, 2, 1] * y + moves[h, 2, 2] * z + moves[h, 2, 3]
-    i = int(np.floor((px - lo[0]) * inv))
-    j = int(np.floor((py - lo[1]) * inv))
-    k = int(np.floor((pz - lo[2]) * inv))
-    nx, ny, nz = cells.shape
-    if i < 0 or j < 0 or k < 0 or i >= nx or j >= ny or k >= nz:
-        return FREE_COST, -1, FREE_COST
-    cell = cells[i, j, k]
-    miss, m = FREE_COST if cell & 1 else HIDDEN_COST, (cell >> 1) - 1
-    if m < 0:
-        return miss, -1, miss
     gx, gy, gz = px - rows[m, 0], py - rows[m, 1], pz - rows[m, 2]
     d2 = gx * gx + gy * gy + gz * gz
-    if d2 > tau2:
-        return miss, -1, miss
+    cosine = nx * rows[m, 3] + ny * rows[m, 4] + nz * rows[m, 5]
+    if d2 > tau2 or cosine < NORMAL_LIMIT:
+        return 2.0 * FREE_COST
     plane = gx * rows[m, 3] + gy * rows[m, 4] + gz * rows[m, 5]
-    x, y, z = normals[q, 0], normals[q, 1], normals[q, 2]
-    cosine = ((moves[h, 0, 0] * x + moves[h, 0, 1] * y + moves[h, 0, 2] * z) * rows[m, 3]
-              + (moves[h, 1, 0] * x + moves[h, 1, 1] * y + moves[h, 1, 2] * z) * rows[m, 4]
-              + (moves[h, 2, 0] * x + moves[h, 2, 1] * y + moves[h, 2, 2] * z) * rows[m, 5])
-    if cosine < NORMAL_LIMIT:
-        return miss, -1, miss
     tint = (abs(colors[q, 0] - rows[m, 6]) + abs(colors[q, 1] - rows[m, 7])
             + abs(colors[q, 2] - rows[m, 8]))
     cost = (plane * plane + TANGENT_SHARE * d2) / tau2 + 0.5 * (1.0 - cosine)
-    cost += min(tint / 3.0 / COLOR_SCALE, 1.0) * 0.5 + CLAIMED_COST * rows[m, 9]
-    if cost < miss:
-        return cost, m, miss
-    return miss, -1, miss
+    return float(cost + min(tint / 3.0 / COLOR_SCALE, 1.0) * 0.5 + CLAIMED_COST * rows[m, 9])
 
 
 @parallel_kernel
@@ -126,55 +114,104 @@ def _score(moves: F64, points: F64, normals: F64, colors: F64, lo: F64, inv: flo
            cells: NDArray[np.int32], rows: F64, tau2: float) -> F64:
     out = np.zeros(len(moves))
     for h in numba.prange(len(moves)):
+        # Held in registers; neither views nor tuples, which cost three times as much here.
+        a, b, c, u = moves[h, 0, 0], moves[h, 0, 1], moves[h, 0, 2], moves[h, 0, 3]
+        d, e, f, v = moves[h, 1, 0], moves[h, 1, 1], moves[h, 1, 2], moves[h, 1, 3]
+        g, k, m, w = moves[h, 2, 0], moves[h, 2, 1], moves[h, 2, 2], moves[h, 2, 3]
         total = 0.0
         for q in range(len(points)):
-            cost, _, _ = _point_cost(moves, h, points, normals, colors, q, lo, inv, cells, rows,
-                                     tau2)
+            x, y, z = points[q, 0], points[q, 1], points[q, 2]
+            px, py, pz = a * x + b * y + c * z, d * x + e * y + f * z, g * x + k * y + m * z
+            cell = _cell(px + u, py + v, pz + w, lo, inv, cells)
+            cost = FREE_COST if cell & 1 else HIDDEN_COST
+            if cell > 1:
+                x, y, z = normals[q, 0], normals[q, 1], normals[q, 2]
+                nx, ny, nz = a * x + b * y + c * z, d * x + e * y + f * z, g * x + k * y + m * z
+                cost = min(cost, _match(px + u, py + v, pz + w, nx, ny, nz, colors, q,
+                                        (cell >> 1) - 1, rows, tau2))
             total += cost
         out[h] = total / len(points)
     return out
 
 
 @parallel_kernel
-def _land(moves: F64, points: F64, normals: F64, colors: F64, lo: F64, inv: float,
-          cells: NDArray[np.int32], rows: F64, tau2: float) -> tuple[F64, NDArray[np.int64], F64]:
-    cost, index, miss = (
-        np.zeros(len(points)),
-        np.zeros(len(points), np.int64),
-        np.zeros(len(points)),
-    )
-    for q in numba.prange(len(points)):
-        cost[q], index[q], miss[q] = _point_cost(moves, 0, points, normals, colors, q, lo, inv,
-                                                 cells, rows, tau2)
+def _score_turns(shifts: F64, points: F64, normals: F64, colors: F64, lo: F64, inv: float,
+                 cells: NDArray[np.int32], rows: F64, tau2: float) -> F64:
+    """Return [P, A] mean costs: [A, N, 3] points turned already, then shifted by [A, P, 3]."""
+    out = np.zeros((shifts.shape[1], shifts.shape[0]))
+    for a in numba.prange(shifts.shape[0]):
+        for p in range(shifts.shape[1]):
+            total = 0.0
+            for q in range(points.shape[1]):
+                px = points[a, q, 0] + shifts[a, p, 0]
+                py = points[a, q, 1] + shifts[a, p, 1]
+                pz = points[a, q, 2] + shifts[a, p, 2]
+                cell = _cell(px, py, pz, lo, inv, cells)
+                cost = FREE_COST if cell & 1 else HIDDEN_COST
+                if cell > 1:
+                    cost = min(cost, _match(px, py, pz, normals[a, q, 0], normals[a, q, 1],
+                                            normals[a, q, 2], colors, q, (cell >> 1) - 1, rows,
+                                            tau2))
+                total += cost
+            out[p, a] = total / points.shape[1]
+    return out
+
+
+@parallel_kernel
+def _land(points: F64, normals: F64, colors: F64, lo: F64, inv: float, cells: NDArray[np.int32],
+          rows: F64, tau2: float) -> tuple[F64, NDArray[np.int64], F64]:
+    """Return per-point cost, surfel met or -1, and cost of meeting nothing: points moved already."""
+    count = len(points)
+    cost, index, miss = np.zeros(count), np.full(count, -1), np.zeros(count)
+    for q in numba.prange(count):
+        px, py, pz = points[q, 0], points[q, 1], points[q, 2]
+        cell = _cell(px, py, pz, lo, inv, cells)
+        miss[q] = FREE_COST if cell & 1 else HIDDEN_COST
+        cost[q] = miss[q]
+        if cell > 1:
+            met = _match(px, py, pz, normals[q, 0], normals[q, 1], normals[q, 2], colors, q,
+                         (cell >> 1) - 1, rows, tau2)
+            if met < miss[q]:
+                cost[q], index[q] = met, (cell >> 1) - 1
     return cost, index, miss
 
 
-def _arguments(source: Surfels, target: Landing, tau: float) -> tuple[Any, ...]:
-    return (source.points, source.normals, source.colors, target.lo, 1.0 / target.voxel,
-            target.cells, target.rows, tau * tau)
+def _grid(target: Landing, tau: float) -> tuple[Any, ...]:
+    return target.lo, 1.0 / target.voxel, target.cells, target.rows, tau * tau
 
 
 def score_moves(moves: F64, source: Surfels, target: Landing, tau: float) -> F64:
-    """Return [M] mean landing cost in 0..1 of a patch under [M, 4, 4] motions.
+    """Return [M] mean landing cost in 0..1 of a patch under [M, 3 or 4, 4] motions.
 
     A match costs its squared distance in units of tau plus normal and colour disagreement,
     an unobserved place HIDDEN_COST, a place that was seen empty FREE_COST.
     """
-    return np.asarray(_score(moves, *_arguments(source, target, tau)))
+    return np.asarray(_score(moves, source.points, source.normals, source.colors,
+                             *_grid(target, tau)))
 
 
-def score_best(moves: F64, source: Surfels, target: Landing, tau: float) -> F64:
-    """Return [M] what `score_moves` says of the promising motions, infinity for the others.
+def score_turns(rots: F64, shifts: F64, source: Surfels, target: Landing, tau: float) -> F64:
+    """Return [P * A] what `score_moves` says of the promising motions, infinity for the others.
 
     A quarter of the points tells most motions from good ones; only the best are scored with all.
     The points must be in random order.
+
+    Args:
+        rots: [A, 3, 3] rotations.
+        shifts: [P, A, 3] that follow them; motion p * A + a is shifts[p, a] after rots[a].
+        source: patch.
+        target: grid of the other state.
+        tau: matching distance.
     """
     few = source.select(np.arange(max(FIRST_POINTS, len(source) // 4)).clip(max=len(source) - 1))
-    rough = score_moves(moves, few, target, tau)
-    left = max(int(PROMISING * len(moves)), min(FEWEST_LEFT, len(moves)))
+    rough = _score_turns(np.ascontiguousarray(shifts.swapaxes(0, 1)), few.points @ rots.mT,
+                         few.normals @ rots.mT, few.colors, *_grid(target, tau)).ravel()
+    left = max(int(PROMISING * len(rough)), min(FEWEST_LEFT, len(rough)))
     best = np.argpartition(rough, left - 1)[:left]
-    out = np.full(len(moves), np.inf)
-    out[best] = score_moves(moves[best], source, target, tau)
+    out = np.full(len(rough), np.inf)
+    pivots, angles = np.divmod(best, len(rots))
+    moves = np.concatenate([rots[angles], shifts[pivots, angles][..., None]], 2)
+    out[best] = score_moves(moves, source, target, tau)
     return out
 
 
@@ -182,7 +219,8 @@ def land(
     move: F64, source: Surfels, target: Landing, tau: float
 ) -> tuple[F64, NDArray[np.int64], F64]:
     """Return per-point landing cost [N], met surfel [N] (-1 = none) and cost of no match [N]."""
-    cost, index, miss = _land(np.asarray(move)[None], *_arguments(source, target, tau))
+    cost, index, miss = _land(se3.apply(move, source.points), source.normals @ move[:3, :3].T,
+                              source.colors, *_grid(target, tau))
     return cost, index, miss
 
 

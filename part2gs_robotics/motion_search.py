@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from part2gs_robotics import se3
-from part2gs_robotics.landing import Landing, score_best, score_moves
+from part2gs_robotics.landing import Landing, score_moves, score_turns
 from part2gs_robotics.surfels import Surfels
 
 F64 = NDArray[np.float64]
@@ -101,8 +101,10 @@ def slides(axes: F64, diag: float) -> list[Hypothesis]:
     ]
 
 
-def turn_moves(axis: F64, lo: F64, hi: F64, diag: float) -> tuple[F64, F64, F64]:
-    """Return pivots [P, 3], angles [A] and moves [P * A, 4, 4] of turns about parallel axes."""
+def turns(axis: F64, lo: F64, hi: F64, diag: float) -> tuple[F64, F64, F64, F64]:
+    """Return turns about parallel axes: pivots [P, 3], angles [A], rotations [A, 3, 3] and the
+    shifts [P, A, 3] that follow them.
+    """
     basis = np.linalg.svd(axis[None])[2][1:]
     centre, step = (lo + hi) / 2, PIVOT_STEP * diag
     corners = np.array(
@@ -122,10 +124,7 @@ def turn_moves(axis: F64, lo: F64, hi: F64, diag: float) -> tuple[F64, F64, F64]
     angles = np.arange(-MAX_TURN, MAX_TURN - 1e-9, TURN_STEP)
     angles = angles[np.abs(angles) > 0.5 * TURN_STEP]
     rots = np.stack([se3.rotation_from_rotvec(axis * a) for a in angles])
-    moves = np.zeros((len(pivots), len(angles), 4, 4))
-    moves[..., :3, :3], moves[..., 3, 3] = rots[None], 1.0
-    moves[..., :3, 3] = pivots[:, None] - np.einsum("aij,pj->pai", rots, pivots)
-    return pivots, angles, moves.reshape(-1, 4, 4)
+    return pivots, angles, rots, pivots[:, None] - np.einsum("aij,pj->pai", rots, pivots)
 
 
 def search_patch(
@@ -161,8 +160,8 @@ def search_patch(
                                                 held=on_edge(g.axis, straight))))
     for axis in axes:
         held = on_edge(axis, straight)
-        pivots, angles, moves = turn_moves(axis, *box, diag)
-        costs = score_best(moves, patch, target, tau)
+        pivots, angles, rots, shifts = turns(axis, *box, diag)
+        costs = score_turns(rots, shifts, patch, target, tau)
         for i in np.argsort(costs)[:keep]:
             p, a = divmod(int(i), len(angles))
             out.append((float(costs[i]), Hypothesis(1, axis, pivots[p], flip * float(angles[a]),

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +13,7 @@ from part2gs_robotics import se3
 from part2gs_robotics.landing import Landing, land
 from part2gs_robotics.motion_refine import refine
 from part2gs_robotics.motion_search import Hypothesis, directions, search_patch
+from part2gs_robotics.side_by_side import side_by_side
 from part2gs_robotics.surfels import Surfels
 
 F64 = NDArray[np.float64]
@@ -68,7 +71,7 @@ def propose(
         straight: [E, 3] directions of the object's edges, axes to try beside those of surfaces.
     """
     diag = float(np.linalg.norm(box[1] - box[0]))
-    found: list[Hypothesis] = []
+    tasks: list[Callable[[], list[Hypothesis]]] = []
     for state in (1, 0):
         surfels = evidence.sets[state]
         if len(surfels) < 20:
@@ -81,14 +84,21 @@ def propose(
                 continue
             patch = surfels.select(rng.permutation(near)[:patch_points])
             axes = directions(lands[0].surfels, patch, rng, known=straight)
-            ranked = search_patch(patch, lands[1 - state], axes, box, SEARCH_TAU * diag, state == 0,
-                                  straight=straight)
             local = surfels.select(rng.permutation(near)[:400])
-            empty = surfels.select(np.zeros(0, np.int64))
-            sets = (local, empty) if state == 0 else (empty, local)
-            for _, guess in spread(ranked, 8, patch.points, state):
-                found.append(refine(guess, sets, lands, (SEARCH_TAU * diag, 0.02 * diag), 3))
-    return found
+            tasks.append(partial(_motions, patch, local, lands, box, axes, state, straight))
+    return [h for found in side_by_side(tasks) for h in found]
+
+
+def _motions(patch: Surfels, local: Surfels, lands: tuple[Landing, Landing], box: tuple[F64, F64],
+             axes: F64, state: int, straight: F64 | None) -> list[Hypothesis]:
+    """Return the motions of one patch of a state, refined on the evidence around it."""
+    diag = float(np.linalg.norm(box[1] - box[0]))
+    ranked = search_patch(patch, lands[1 - state], axes, box, SEARCH_TAU * diag, state == 0,
+                          straight=straight)
+    empty = local.select(np.zeros(0, np.int64))
+    sets = (local, empty) if state == 0 else (empty, local)
+    taus = SEARCH_TAU * diag, 0.02 * diag
+    return [refine(h, sets, lands, taus, 3) for _, h in spread(ranked, 8, patch.points, state)]
 
 
 def spread(

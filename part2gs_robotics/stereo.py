@@ -7,6 +7,8 @@ fewest jumps wins, then the one nearest to the hull.
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -14,6 +16,7 @@ from part2gs_robotics.config import StereoConfig
 from part2gs_robotics.evidence import SOLID_ALPHA, DepthMaps
 from part2gs_robotics.hull import Hull
 from part2gs_robotics.scene import StateViews
+from part2gs_robotics.side_by_side import side_by_side
 from part2gs_robotics.small_views import SmallViews, small_views, spread
 from part2gs_robotics.stereo_kernels import aggregate, hull_span, matching_cost
 
@@ -52,14 +55,16 @@ def stereo_depths(state: StateViews, hull: Hull, config: StereoConfig | None = N
     gaze = (middle - eyes) / np.linalg.norm(middle - eyes, axis=1, keepdims=True)
     angles = np.degrees(np.arccos(np.clip(gaze @ gaze.T, -1, 1)))
     mapped = spread(views.viewmats, config.stereo_views)
-    depths = np.zeros(views.alphas.shape, np.float32)
-    for v in mapped:
-        order = np.argsort(angles[v], kind="stable")
-        near = order[angles[v, order] > NEAREST][:NEIGHBORS]
-        if len(near):
-            depths[v] = _depth(views, images, v, near, hull)
+    depths = side_by_side([partial(_depth, views, images, v, _near(angles[v]), hull)
+                           for v in mapped])
     own = views.select(mapped)
-    return DepthMaps(depths[mapped], own.alphas, own.Ks, own.viewmats), own
+    return DepthMaps(np.stack(depths), own.alphas, own.Ks, own.viewmats), own
+
+
+def _near(angles: F64) -> NDArray[np.int64]:
+    """Return the views to compare with, nearest first, by their angles in degrees."""
+    order = np.argsort(angles, kind="stable")
+    return order[angles[order] > NEAREST][:NEIGHBORS]
 
 
 def _side(state: StateViews, wanted: int) -> int:
@@ -77,7 +82,7 @@ def _depth(views: SmallViews, images: F32, v: int, near: NDArray[np.int64], hull
     """Return [H, W] depth of one view, 0 where the hull is missed."""
     mask = views.alphas[v] > SOLID_ALPHA
     out = np.zeros(mask.shape, np.float32)
-    if not mask.any():
+    if not mask.any() or not len(near):
         return out
     rows, cols = np.flatnonzero(mask.any(1)), np.flatnonzero(mask.any(0))
     box = (slice(int(rows[0]), int(rows[-1]) + 1), slice(int(cols[0]), int(cols[-1]) + 1))

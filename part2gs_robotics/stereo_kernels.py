@@ -16,6 +16,7 @@ SMALL_STEP = 0.008  # of the colour range, for a depth step of one bin
 BIG_STEP = 0.12  # for any depth step: nearly as much as a view that disagrees
 EDGE = 0.05  # colour step at which a big depth step costs a third
 STEEP = 6  # bins between neighbours beyond which the hull itself has an edge
+UNREACHABLE = 1e6  # far above any sum of costs of at most 2 TRUNCATED each
 
 
 @inlined
@@ -121,17 +122,30 @@ def matching_cost(image: F32, first: F32, last: F32, inverse: F64, rays: F64, ca
 
 
 @inlined
-def _cheapest(before: F32, k: int, shift: int, least: float, big: float) -> float:
-    """Return the least cost to come to bin k: level, along the hull, one bin or any step."""
-    bins = len(before)
-    best = min(float(before[k]), least + big)
-    if k > 0:
-        best = min(best, float(before[k - 1]) + SMALL_STEP)
-    if k < bins - 1:
-        best = min(best, float(before[k + 1]) + SMALL_STEP)
-    if 0 <= k - shift < bins:
-        best = min(best, float(before[k - shift]))
-    return best
+def _advance(before: F32, cost: F32, big: np.float32, shift: int, least: np.float32, here: F32,
+             total: F32) -> None:
+    """Go on by one pixel: each bin is reached level, along the hull, by one bin or by any step.
+
+    Args:
+        before: [D + 2 STEEP] costs of the pixel before, unreachable at both ends.
+        cost: [D] of this pixel.
+        big: price of any step.
+        shift: bins by which the hull's front moves from pixel to pixel.
+        least: of `before`.
+        here: [D + 2 STEEP] result.
+        total: [D] is added to.
+    """
+    small, floor = np.float32(SMALL_STEP), least + big
+    for k in range(len(cost)):
+        p = k + STEEP
+        left, right = before[p - 1], before[p + 1]
+        side = (left if left < right else right) + small
+        best = before[p] if before[p] < floor else floor
+        best = side if side < best else best
+        along = before[p - shift]
+        best = along if along < best else best
+        here[p] = cost[k] - least + best
+        total[k] += here[p]
 
 
 @kernel
@@ -147,14 +161,17 @@ def _walk(line: np.int64, cost: F32, total: F32, image: F32, mask: NDArray[np.bo
         y, x = 0 if dy > 0 else height - 1, int(line) - height
         if dy == 0 or (dx > 0 and x == 0) or (dx < 0 and x == width - 1):
             return
-    before, here = np.zeros(bins, np.float32), np.zeros(bins, np.float32)
-    start, least = True, 0.0
+    # Unreachable bins at both ends, so that a step beyond the depths needs no test in the loop.
+    before = np.full(bins + 2 * STEEP, UNREACHABLE, np.float32)
+    here = before.copy()
+    start, least = True, np.float32(0.0)
     while y >= 0 and y < height and x >= 0 and x < width:
         if not mask[y, x]:
             start = True
         else:
             if start:
-                here[:] = cost[y, x]
+                here[STEEP:STEEP + bins] = cost[y, x]
+                total[y, x] += cost[y, x]
             else:
                 edge, py, px = 0.0, y - dy, x - dx
                 for c in range(3):
@@ -162,10 +179,8 @@ def _walk(line: np.int64, cost: F32, total: F32, image: F32, mask: NDArray[np.bo
                 big = max(2 * SMALL_STEP, BIG_STEP * np.exp(-edge / EDGE))
                 slope = front[y, x] - front[py, px]
                 shift = int(slope) if abs(slope) < STEEP else 0
-                for k in range(bins):
-                    here[k] = cost[y, x, k] - least + _cheapest(before, k, shift, least, big)
-            start, least = False, float(here.min())
-            total[y, x] += here
+                _advance(before, cost[y, x], np.float32(big), shift, least, here, total[y, x])
+            start, least = False, here.min()
             before, here = here, before
         y, x = y + dy, x + dx
 
