@@ -160,7 +160,7 @@ def _score_turns(shifts: F64, points: F64, normals: F64, colors: F64, lo: F64, i
 @parallel_kernel
 def _land(points: F64, normals: F64, colors: F64, lo: F64, inv: float, cells: NDArray[np.int32],
           rows: F64, tau2: float) -> tuple[F64, NDArray[np.int64], F64]:
-    """Return per-point cost, surfel met or -1, and cost of meeting nothing: points moved already."""
+    """Return cost, surfel met or -1 and cost of meeting nothing of every point, moved already."""
     count = len(points)
     cost, index, miss = np.zeros(count), np.full(count, -1), np.zeros(count)
     for q in numba.prange(count):

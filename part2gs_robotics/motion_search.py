@@ -102,8 +102,10 @@ def slides(axes: F64, diag: float) -> list[Hypothesis]:
 
 
 def turns(axis: F64, lo: F64, hi: F64, diag: float) -> tuple[F64, F64, F64, F64]:
-    """Return turns about parallel axes: pivots [P, 3], angles [A], rotations [A, 3, 3] and the
-    shifts [P, A, 3] that follow them.
+    """Return turns about parallel axes: rotations, and the shifts that follow them.
+
+    Returns:
+        Pivots [P, 3], angles [A], rotations [A, 3, 3], shifts [P, A, 3].
     """
     basis = np.linalg.svd(axis[None])[2][1:]
     centre, step = (lo + hi) / 2, PIVOT_STEP * diag

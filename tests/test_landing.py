@@ -11,8 +11,8 @@ from part2gs_robotics.landing import (
     FREE_COST,
     HIDDEN_COST,
     land,
-    score_best,
     score_moves,
+    score_turns,
     unclaimed,
 )
 
@@ -45,13 +45,23 @@ def test_the_true_turn_costs_less_than_half_of_it_and_than_its_opposite(turned):
     assert opposite > truth + 0.15
 
 
-def test_promising_motions_are_scored_in_full_and_the_best_is_among_them(turned):
+def turned_and_shifted(turned, angles, shifts):
+    """Rotations [A, 3, 3], shifts [P, A, 3] and motions [P * A, 4, 4] about the true axis."""
+    about = [se3.screw_motion(turned.axis, turned.origin, v, 0.0) for v in angles]
+    rots = np.stack([m[:3, :3] for m in about])
+    steps = np.stack([m[:3, 3] for m in about]) + np.asarray(shifts)[:, None]
+    moves = np.stack([se3.make(r, t) for row in steps for r, t in zip(rots, row, strict=True)])
+    return rots, steps, moves
+
+
+def test_promising_turns_are_scored_in_full_and_the_best_is_among_them(turned):
     patch, target = on_block(turned), turned.states[1].land
     rng = np.random.default_rng(0)
     patch = patch.select(rng.permutation(len(patch))[:80])
-    values = turned.value * np.linspace(-1.0, 2.0, 3001)
-    moves = np.stack([se3.screw_motion(turned.axis, turned.origin, v, 0.0) for v in values])
-    full, some = score_moves(moves, patch, target, TAU), score_best(moves, patch, target, TAU)
+    values = turned.value * np.linspace(-1.0, 2.0, 301)
+    rots, shifts, moves = turned_and_shifted(turned, values, rng.normal(0, 0.02, (10, 3)))
+    full = score_moves(moves, patch, target, TAU)
+    some = score_turns(rots, shifts, patch, target, TAU)
     scored = np.isfinite(some)
     assert scored.sum() == len(moves) // 10
     np.testing.assert_array_equal(some[scored], full[scored])
@@ -61,10 +71,10 @@ def test_promising_motions_are_scored_in_full_and_the_best_is_among_them(turned)
 
 @pytest.mark.parametrize("count", [1, 5, 40])
 def test_short_lists_and_small_patches_are_scored_in_full(turned, count):
-    patch = on_block(turned).select(np.arange(count))
-    moves = np.stack([se3.make(np.eye(3), np.array([0.0, 0, d])) for d in np.linspace(0, 1, 7)])
-    target = turned.states[1].land
-    np.testing.assert_array_equal(score_best(moves, patch, target, TAU),
+    patch, target = on_block(turned).select(np.arange(count)), turned.states[1].land
+    lifts = np.linspace(0, 1, 7)[:, None] * [0.0, 0.0, 1.0]
+    rots, shifts, moves = turned_and_shifted(turned, [0.3, 0.6], lifts)
+    np.testing.assert_array_equal(score_turns(rots, shifts, patch, target, TAU),
                                   score_moves(moves, patch, target, TAU))
 
 
