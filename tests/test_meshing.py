@@ -12,7 +12,7 @@ from part2gs_robotics.fuse import TRUNCATION, Fused, Grid
 from part2gs_robotics.gaussians import SH_C0, Gaussians
 from part2gs_robotics.joints import Joint
 from part2gs_robotics.meshing import _out_of_the_way, _Place, build_parts
-from part2gs_robotics.part_solids import keep_large
+from part2gs_robotics.part_solids import keep_large, without_blobs
 from part2gs_robotics.real_parts import build_existing
 from part2gs_robotics.scene import Scene, StateViews
 from part2gs_robotics.se3 import apply, inverse, screw_motion
@@ -223,6 +223,22 @@ def test_a_small_piece_that_was_seen_stays():
     seen = Fused(grid, zero, zero, 2.0 * (np.abs(rail.values) < 3), zero, zero, zero)
     assert (keep_large(both).values > 0).sum() == (body.values > 0).sum()
     np.testing.assert_array_equal(keep_large(both, seen).values, both.values)
+
+
+def test_a_separate_piece_of_a_moving_part_that_views_hardly_saw_is_left_out():
+    grid = Grid.around(np.zeros(3), np.full(3, 0.8), 0.01)
+    body = box_solid(grid, np.full(3, 0.05), np.array([0.4, 0.4, 0.2]))
+    knob = box_solid(grid, np.array([0.1, 0.1, 0.25]), np.array([0.2, 0.2, 0.35]))
+    blob = box_solid(grid, np.full(3, 0.5), np.full(3, 0.75))
+    air = Solid(grid, np.maximum.reduce([body.values, knob.values, blob.values]))
+    votes = 2.0 * ((np.abs(body.values) < 3) | (np.abs(knob.values) < 3))
+    votes += 2.0 * (np.abs(blob.values) < 0.3)  # a few stray votes at its rim
+    zero = np.zeros(grid.shape, np.float32)
+    seen = Fused(grid, zero, zero, votes, zero, zero, zero)
+    left = without_blobs(air, seen).values > 0
+    np.testing.assert_array_equal(left, (body.values > 0) | (knob.values > 0))
+    unseen = Fused(grid, zero, zero, zero, zero, zero, zero)  # the largest stays whatever was seen
+    np.testing.assert_array_equal(without_blobs(air, unseen).values > 0, body.values > 0)
 
 
 def test_two_parts_that_touch_are_parted():
