@@ -82,7 +82,7 @@ def _alone(judge: Judge, joints: list[Joint], hard: Labels, views: Views, sharp:
     study = judge.study
     labels = study.gaussian_labels(hard)
     near = align(study.gaussians, labels, joints, views, study.diag, COARSE, deviations=False)
-    near = judged(study.gaussians, labels, joints, near, views)
+    near = judged(study.gaussians, labels, joints, near, views, LEAST_GAIN)
     hard, _ = labels_under(judge, near, hard, config)
     return _aligned(judge, near, hard, sharp, config), hard
 
