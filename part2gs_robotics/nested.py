@@ -26,7 +26,7 @@ from part2gs_robotics.motion_refine import refine
 from part2gs_robotics.motion_search import SCREW, Hypothesis, directions, search_patch
 from part2gs_robotics.motion_select import PATCH_POINTS, PATCH_RADIUS, SEARCH_TAU, farthest, spread
 from part2gs_robotics.part_tree import Tree, carried, flat, ordered
-from part2gs_robotics.prune import held, joint_of, pruned, refitted, regrown
+from part2gs_robotics.prune import held, hopeful, joint_of, pruned, refitted, regrown
 from part2gs_robotics.reach import claim
 from part2gs_robotics.settle import settle
 from part2gs_robotics.small_views import SmallViews
@@ -68,9 +68,12 @@ def nest(judge: Judge, joints: list[Joint], hard: Labels, config: ArticulateConf
         views: images of both states, small and sharp.
         pool: motions to choose from for parts that do not stay.
     """
-    tree = flat(*settle(judge, joints, hard, *views, config))
+    start = flat(joints, hard)
     if config.parts is None and len(joints) > 1:
-        tree = _proven(judge, tree, config, views, pool)
+        left = _regrown(judge, start, hopeful(judge, start), pool)
+        tree = _proven(judge, _settled(judge, left, views, config), config, views, pool)
+    else:
+        tree = _settled(judge, start, views, config)
     tree = chains(judge, tree, config.parts, np.random.default_rng(config.seed))
     if not any(tree.parents):
         return tree
@@ -84,11 +87,23 @@ def _proven(judge: Judge, tree: Tree, config: ArticulateConfig, views: tuple[Vie
     paying = held(judge, pruned(judge, tree))
     if len(paying.joints) == len(tree.joints):
         return tree
-    left = refitted(judge, paying)
-    found = regrown(judge, tree, left, pool)
-    again = settle(judge, found.joints, found.hard, *views, config)
-    new = replace(found, joints=again[0], hard=again[1])
-    return new if found is left else _proven(judge, new, config, views, ())
+    found = _regrown(judge, tree, paying, pool)
+    new = _settled(judge, found, views, config)
+    same = len(found.joints) == len(paying.joints)
+    return new if same else _proven(judge, new, config, views, ())
+
+
+def _settled(judge: Judge, tree: Tree, views: tuple[Views, Views],
+             config: ArticulateConfig) -> Tree:
+    joints, hard = settle(judge, tree.joints, tree.hard, *views, config)
+    return replace(tree, joints=joints, hard=hard)
+
+
+def _regrown(judge: Judge, before: Tree, after: Tree, pool: Sequence[Hypothesis]) -> Tree:
+    """Return what is left of a flat tree, turned and filled up as it pays."""
+    if len(after.joints) == len(before.joints):
+        return after
+    return regrown(judge, before, refitted(judge, after), pool)
 
 
 def chains(judge: Judge, tree: Tree, most: int | None, rng: np.random.Generator) -> Tree:

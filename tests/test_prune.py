@@ -13,7 +13,17 @@ from part2gs_robotics.joints import Joint
 from part2gs_robotics.judge import Judge
 from part2gs_robotics.nested import _proven
 from part2gs_robotics.part_tree import flat
-from part2gs_robotics.prune import FIRM, LOOSE, SHARED, _gain, _two_in_one, held, pruned, regrown
+from part2gs_robotics.prune import (
+    FIRM,
+    LOOSE,
+    SHARED,
+    _gain,
+    _two_in_one,
+    held,
+    hopeful,
+    pruned,
+    regrown,
+)
 
 SIGMAS = pytest.mark.parametrize("sigma", [0.1, np.inf, np.nan])
 
@@ -108,13 +118,25 @@ def test_a_part_without_which_one_motion_would_carry_what_nothing_joins_pays_hal
     _, second, _ = parts
     between = replace(second, value=0.25)
     tree = tree_of(judge, look_alikes, between, second)
-    now, rest, gain, _ = _gain(judge, [hypothesis_of(j) for j in tree.joints], 1)
+    now = judge.judge([hypothesis_of(j) for j in tree.joints])
+    rest, gain, _ = _gain(judge, now, 1)
     assert _two_in_one(judge, now, rest)
     assert not _two_in_one(judge, now, now)
     monkeypatch.setattr(Judge, "price", lambda *_: share * gain)
     assert (len(pruned(judge, tree).joints) == 2) is stays
     monkeypatch.setattr("part2gs_robotics.prune._two_in_one", lambda *_: False)
     assert (len(pruned(judge, tree).joints) == 2) is (share < 1.0)
+
+
+def test_a_part_that_saves_nothing_leaves_before_anything_is_settled(judge, look_alikes, parts):
+    first, second, copy = parts
+    tree = tree_of(judge, look_alikes, first, second, copy)
+    left = hopeful(judge, tree)
+    assert (left.joints, left.known) == ([first, second], (1, 2))
+    np.testing.assert_array_equal(left.hard, judge.judge(look_alikes.truth).hard)
+    assert hopeful(judge, left) is left, "true parts stay"
+    still = replace(first, value=0.0)
+    assert hopeful(judge, tree_of(judge, look_alikes, still)).joints == [still], "the last one too"
 
 
 def test_another_motion_has_the_place_of_a_part_that_left(judge, look_alikes, parts):
