@@ -7,6 +7,7 @@ from dataclasses import replace
 
 from part2gs_robotics.flips import calmed, righted
 from part2gs_robotics.judge import PLAIN_ASKEW, Judge, Verdict
+from part2gs_robotics.lesser import lessened
 from part2gs_robotics.motion_search import Hypothesis
 from part2gs_robotics.screws import risen
 from part2gs_robotics.split import parted, split
@@ -55,7 +56,8 @@ def decide(
         solid = min(solid, bodies, key=lambda v: v.cost)
         say(f"only {len(solid.motions)} of {len(best.motions)} parts are bodies of their own")
     short = parts is not None and len(solid.motions) == parts and _short(judge, solid, pool, say)
-    found = risen(judge, righted(judge, tune(judge, solid, say), say), pool, say)
+    solid = tune(judge, lessened(judge, solid, pool, say), say)
+    found = risen(judge, righted(judge, solid, say), pool, say)
     return replace(found, short=short, pool=tuple(pool))
 
 

@@ -10,6 +10,7 @@ import pytest
 from part2gs_robotics import se3
 from part2gs_robotics.flips import calmed, joint_near, righted
 from part2gs_robotics.judge import INCOHERENT, NEAR, Judge
+from part2gs_robotics.lesser import LARGE, lessened
 from part2gs_robotics.motion_search import Hypothesis
 from part2gs_robotics.study import gather
 
@@ -143,3 +144,30 @@ def test_small_turns_have_no_lesser_way(judge, monkeypatch):
     verdict = judge.judge([TRUTH])
     monkeypatch.setattr(judge, "judge", lambda _motions: pytest.fail("nothing is tried"))
     assert calmed(judge, verdict, [TRUTH], pytest.fail) is verdict
+
+
+def test_of_motions_that_save_nearly_as_much_the_lesser_is_taken(toy):
+    judge = bar_on_a_board(toy, SLIDE.move, plain=True)
+    said = []
+    found, = lessened(judge, judge.judge([HALF_TURN]), [HALF_TURN, SLIDE], said.append).motions
+    assert len(said) == 1
+    assert found.kind == 0
+    assert np.allclose(found.axis * found.value, SLIDE.axis * SLIDE.value, atol=0.02)
+
+
+def test_a_turn_stays_where_a_lesser_motion_saves_little(toy, judge):
+    middle = Hypothesis(0, np.array([0.0, 1, 0]), MIDDLE, -0.3)  # of the door: about its way
+    door = judge.judge([TRUTH])
+    assert lessened(judge, door, [middle], pytest.fail) is door
+    painted = bar_on_a_board(toy, HALF_TURN.move, plain=False)
+    bar = painted.judge([HALF_TURN])
+    assert lessened(painted, bar, [SLIDE], pytest.fail) is bar
+
+
+def test_nothing_is_tried_for_small_turns_slides_and_turns_as_large(judge, monkeypatch):
+    small = replace(TRUTH, value=0.9 * LARGE)
+    verdicts = [judge.judge([h]) for h in (small, SLIDE, TRUTH)]
+    pools = [SLIDE], [SLIDE], [replace(TRUTH, value=0.6)]
+    monkeypatch.setattr(judge, "judge", lambda _motions: pytest.fail("nothing is tried"))
+    for verdict, pool in zip(verdicts, pools, strict=True):
+        assert lessened(judge, verdict, pool, pytest.fail) is verdict
