@@ -139,6 +139,17 @@ def test_a_part_that_saves_nothing_leaves_before_anything_is_settled(judge, look
     assert hopeful(judge, tree_of(judge, look_alikes, still)).joints == [still], "the last one too"
 
 
+@pytest.mark.parametrize(("parent", "stays"), [(0, True), (1, False)])
+def test_a_carried_part_without_an_axis_is_left_out_whatever_it_saves(
+        judge, look_alikes, parts, parent, stays):
+    first, second, _ = parts
+    blind = replace(second, sigma_axis=np.inf, seen=(np.inf, np.inf))
+    tree = replace(tree_of(judge, look_alikes, first, blind), parents=(0, parent))
+    assert (len(held(judge, tree).joints) == 2) is stays
+    shown = replace(tree, joints=[first, replace(blind, sigma_axis=2 * FIRM)])
+    assert held(judge, shown) is shown, "it saves much"
+
+
 def test_another_motion_has_the_place_of_a_part_that_left(judge, look_alikes, parts):
     first, second, _ = parts
     false = replace(second, axis=np.array([0.0, 1, 0]))
