@@ -80,8 +80,7 @@ def calmed(judge: Judge, verdict: Verdict, pool: list[Hypothesis], say: Callable
             continue
         turned = [refine(guess, own, judge.lands, judge.study.taus)
                   for guess in _flips(h, own, judge.study.diag)]
-        less = [new for new in (*turned, *pool)
-                if not new.kind or abs(new.value) < LESSER * abs(h.value)]
+        less = lesser(h, [*turned, *pool])
         if not less:
             continue
         trial = judge.polished(judge.best_of(
@@ -91,6 +90,11 @@ def calmed(judge: Judge, verdict: Verdict, pool: list[Hypothesis], say: Callable
                 f"{trial.cost:.4f}, was {best.cost:.4f}")
             best = trial
     return best
+
+
+def lesser(h: Hypothesis, others: list[Hypothesis]) -> list[Hypothesis]:
+    """Return the slides among other motions, and the turns by less than half as much."""
+    return [new for new in others if not new.kind or abs(new.value) < LESSER * abs(h.value)]
 
 
 def _central(h: Hypothesis, own: tuple[Surfels, Surfels]) -> bool:

@@ -123,20 +123,12 @@ def keep_large(solid: Solid, seen: Fused | None = None) -> Solid:
     Given evidence, a piece that is a share of what views saw of the part stays too: a rail between
     two doors is thin, and its ends may be hidden.
     """
-    from scipy import ndimage
-
-    pieces, count = ndimage.label(solid.values > 0)
-    if count <= 1:
-        return solid
-    sizes = np.bincount(pieces.ravel())
-    sizes[0] = 0
+    pieces, sizes = _pieces(solid)
     keep = sizes >= min(SMALLEST * sizes.sum(), sizes.max())
     if seen is not None:
-        shown = np.bincount(pieces[seen.own > 2 * MIN_WEIGHT], minlength=len(sizes))
-        shown[0] = 0
+        shown = _shown(pieces, len(sizes), seen)
         keep |= (shown > 0) & (shown >= SMALLEST_SEEN * shown.sum())
-    keep[0] = True
-    return replace(solid, values=np.where(keep[pieces], solid.values, np.float32(-TRUNCATION)))
+    return _only(solid, pieces, keep)
 
 
 def without_blobs(solid: Solid, seen: Fused) -> Solid:
@@ -144,16 +136,34 @@ def without_blobs(solid: Solid, seen: Fused) -> Solid:
 
     Fill that hangs in the air, in a room that the part closes, is a guess that no joint can hold.
     """
+    pieces, sizes = _pieces(solid)
+    keep = _shown(pieces, len(sizes), seen) >= SHOWN * sizes
+    keep[sizes.argmax()] = True
+    return _only(solid, pieces, keep)
+
+
+def _pieces(solid: Solid) -> tuple[NDArray[np.int32], NDArray[np.int64]]:
+    """Return the number of every voxel's piece, 0 = air, and the voxels of every piece, air's 0."""
     from scipy import ndimage
 
-    pieces, count = ndimage.label(solid.values > 0)
-    if count <= 1:
-        return solid
+    pieces, _ = ndimage.label(solid.values > 0)
     sizes = np.bincount(pieces.ravel())
-    shown = np.bincount(pieces[seen.own > 2 * MIN_WEIGHT], minlength=len(sizes))
-    keep = shown >= SHOWN * sizes
-    keep[0] = True
-    keep[1 + sizes[1:].argmax()] = True
+    sizes[0] = 0
+    return pieces, sizes
+
+
+def _shown(pieces: NDArray[np.int32], count: int, seen: Fused) -> NDArray[np.int64]:
+    """Return how many voxels of every piece views saw, air's 0."""
+    shown = np.bincount(pieces[seen.own > 2 * MIN_WEIGHT], minlength=count)
+    shown[0] = 0
+    return shown
+
+
+def _only(solid: Solid, pieces: NDArray[np.int32], keep: NDArray[np.bool_]) -> Solid:
+    """Return the solid with the pieces to keep; the same one if these are all."""
+    if keep[1:].all():
+        return solid
+    keep[0] = True  # air stays air
     return replace(solid, values=np.where(keep[pieces], solid.values, np.float32(-TRUNCATION)))
 
 
