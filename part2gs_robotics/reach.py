@@ -15,7 +15,14 @@ from part2gs_robotics.islands import joined
 from part2gs_robotics.joint_fit import move_of
 from part2gs_robotics.joints import Joint
 from part2gs_robotics.judge import Judge
-from part2gs_robotics.labelling import Graph, Unary, label, unary_costs
+from part2gs_robotics.labelling import (
+    FOREIGN_COST,
+    NEUTRAL_COST,
+    Graph,
+    Unary,
+    label,
+    unary_costs,
+)
 from part2gs_robotics.passage import PASS_COST, passage_costs
 from part2gs_robotics.study import Study
 
@@ -49,11 +56,15 @@ def claim(judge: Judge, joints: list[Joint], hard: Labels,
     study = judge.study
     moves = [np.eye(4), *(move_of(j) for j in joints)]
     unary = unary_costs(moves, study.surfels, judge.lands, study.tau)
-    surface = _surface(study)
-    for _ in range(ROUNDS):
+    surface, extra = _surface(study), np.zeros_like(unary.match)
+    for turn in range(ROUNDS):
         costs = unary.cost(np.eye(len(moves))[hard])
         proofs = _proofs(costs, hard)
-        extra = _far(_cores(proofs, study.graph), surface, study.diag, stays)
+        cores = _cores(proofs, study.graph)
+        if turn:  # only once ways have told parts apart that hide it alike
+            slides = np.array([False, *(j.kind == "prismatic" for j in joints)])
+            cores |= _cores(_gone(costs, extra, hard) & slides, study.graph)
+        extra = _far(cores, surface, study.diag, stays)
         extra += _passing(study, costs, proofs, joints)
         hard, _ = label(Unary(unary.match, unary.target, unary.miss, extra), study.graph)
     normals = np.concatenate([s.normals for s in study.surfels])
@@ -95,6 +106,21 @@ def _proofs(costs: F64, hard: Labels) -> NDArray[np.bool_]:
     others[rows, hard] = np.inf
     proven = (own < PROVEN) & (own + MARGIN < others.min(1))
     return np.asarray(proven[:, None] & (hard[:, None] == np.arange(costs.shape[1])))
+
+
+def _gone(costs: F64, extra: F64, hard: Labels) -> NDArray[np.bool_]:
+    """Return [N, L] which surfels are seen not to rest, and are nearest to one part by far.
+
+    The pulled-out half of a drawer's floor is hidden where it was, yet no less proven than a match:
+    its place was seen empty. What hangs together with it, still inside, goes with it.
+    """
+    rows = np.arange(len(hard))
+    own, whole = costs[rows, hard], costs + extra
+    others = whole.copy()
+    others[rows, hard] = np.inf
+    gone = (own < FOREIGN_COST) & (costs[:, 0] > own + NEUTRAL_COST)
+    gone &= others.min(1) > whole[rows, hard] + MARGIN
+    return np.asarray(gone[:, None] & (hard[:, None] == np.arange(costs.shape[1])))
 
 
 def _cores(proofs: NDArray[np.bool_], graph: Graph) -> NDArray[np.bool_]:

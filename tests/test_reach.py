@@ -5,8 +5,11 @@ from __future__ import annotations
 from types import SimpleNamespace
 
 import numpy as np
+import pytest
 
-from part2gs_robotics.labelling import FOREIGN_COST, NEUTRAL_COST, Graph
+from part2gs_robotics import reach
+from part2gs_robotics.joints import Joint
+from part2gs_robotics.labelling import FOREIGN_COST, NEUTRAL_COST, Graph, Unary
 from part2gs_robotics.reach import (
     FAR_COST,
     LEAD,
@@ -15,6 +18,7 @@ from part2gs_robotics.reach import (
     STAYS,
     _cores,
     _far,
+    _gone,
     _proofs,
     _surface,
     claim,
@@ -98,10 +102,42 @@ def test_a_narrow_part_keeps_its_proofs() -> None:
     assert proven[:18, 0].any()
 
 
+def test_what_is_seen_gone_is_a_proof_where_one_part_is_nearest_by_far() -> None:
+    contradicted, hidden = 1.0, NEUTRAL_COST
+    costs = np.array([[contradicted, hidden, hidden],  # another part is farther along the surface
+                      [contradicted, hidden, hidden],  # both are as near
+                      [hidden, hidden, hidden],  # may rest
+                      [contradicted, contradicted, hidden]])  # its own place was seen empty as well
+    extra = np.array([[0.0, 0.0, FAR_COST], [0.0, 0.0, 0.0], [0.0, 0.0, FAR_COST], [0.0] * 3])
+    gone = _gone(costs, extra, np.ones(4, np.int64))
+    assert gone.tolist() == [[False, True, False], *[[False] * 3] * 3]
+
+
+@pytest.mark.parametrize("kind", ["prismatic", "revolute"])
+def test_what_hangs_on_a_pulled_out_floor_is_the_drawers_and_no_rooms_wall_is_the_doors(
+    monkeypatch, kind
+) -> None:
+    """From left to right: cabinet, floor still inside, floor pulled out, the drawer's front."""
+    costs = np.full((COUNT, 2), NEUTRAL_COST)
+    costs[:8], costs[33:] = (0.0, 1.0), (1.0, 0.0)
+    costs[20:33] = 1.0, NEUTRAL_COST
+    none = np.full(costs.shape, -1)
+    study = row_of_surfels()
+    study.tau, study.diag = 0.0, 60.0
+    monkeypatch.setattr(reach, "unary_costs", lambda *_: Unary(costs, none, costs))
+    monkeypatch.setattr(reach, "_passing", lambda *_: np.zeros(costs.shape))
+    monkeypatch.setattr(reach, "joined", lambda hard, *_: hard)
+    joint = Joint(kind, np.array([1.0, 0.0, 0.0]), np.zeros(3), 1.0)
+    judge = SimpleNamespace(study=study, lands=None)
+    hard, _ = claim(judge, [joint], (np.arange(COUNT) >= 33).astype(np.int64), STAYS)
+    assert not hard[:10].any()
+    assert hard[20:].all()
+    assert hard[18] == (kind == "prismatic")
+
+
 def test_a_hidden_side_goes_with_the_part_it_hangs_on(slid) -> None:
     """A block slides; where both motions hide a surfel, its neighbours on the block decide."""
     from part2gs_robotics.guides import guides_of
-    from part2gs_robotics.joints import Joint
     from part2gs_robotics.judge import Judge
     from part2gs_robotics.labelling import build_graph
 
