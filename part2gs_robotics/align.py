@@ -64,7 +64,9 @@ FINE = (Level(1.0, 0.06, 5), Level(0.7, 0.03, 8))
 STILL = 5e-5  # rad or diagonals: a step shorter than 0.003 deg ends a level
 TELLING = 8  # views per state that tell whether a curvature is one of the images
 PROBE = 1e-3  # rad or diagonals: a tenth of a pixel, well above rounding
-LEAST_GAIN = 0.01  # of the image cost: less is what two views' noise changes
+# Of the image cost: less is what two views' noise changes. Twenty joints rightly drawn to edges, by
+# 0.02 to 0.4 deg, cost at most 0.23 % by it, two wrongly drawn 1.1 and 4.1 %.
+LEAST_GAIN = 0.01
 
 
 @dataclass(frozen=True)
@@ -95,7 +97,8 @@ def align(
         diag: diagonal of the object in scene units.
         levels: widths, one after the other; late ones suffice for joints that are nearly right.
         deviations: whether to estimate standard deviations; no need where joints change again.
-        clues: faces and edges that joints are drawn to, as far as the images leave them free.
+        clues: faces and edges that joints are drawn to, as far as the images leave them free; a
+            joint that looks clearly worse by it stays as the images alone have it.
     """
     for level in levels:
         poses = [at(j, diag) for j in joints]
@@ -111,10 +114,12 @@ def align(
     if not deviations:
         return joints
     known = _with_deviations(gaussians, labels, joints, views, diag, levels[-1])
+    alone = [j for j, _ in known]
     if clues is None:
-        return [j for j, _ in known]
-    return [turned(squared(j, h, clues.guides, diag), h, edges, diag)
-            for (j, h), edges in zip(known, clues.edges, strict=True)]
+        return alone
+    drawn = [turned(squared(j, h, clues.guides, diag), h, edges, diag)
+             for (j, h), edges in zip(known, clues.edges, strict=True)]
+    return judged(gaussians, labels, alone, drawn, views, LEAST_GAIN)
 
 
 def with_missing_deviations(

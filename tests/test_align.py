@@ -7,8 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from part2gs_robotics import align as align_room
 from part2gs_robotics import se3
 from part2gs_robotics.align import align
+from part2gs_robotics.guides import guides_of
 from part2gs_robotics.joint_fit import move_of
 from part2gs_robotics.joints import Joint
 from part2gs_robotics.small_views import small_views
@@ -65,3 +67,18 @@ def test_the_true_joint_stays(photographed):
     found, = align(gaussians, labels, [truth], views, DIAG)
     assert degrees_between(found.axis, truth.axis) < 0.1
     assert found.value == pytest.approx(truth.value, rel=1e-3)
+
+
+@pytest.mark.parametrize("drawn_by", [0.0, 3.0])
+def test_a_joint_follows_clues_unless_the_images_are_clearly_against_it(
+    photographed, monkeypatch, drawn_by
+) -> None:
+    truth, gaussians, labels, views = photographed
+    tilt = se3.rotation_from_rotvec(np.deg2rad(drawn_by) * np.array([0.8, 0.6, 0.0]))
+    drawn = replace(truth, axis=tilt @ truth.axis)
+    monkeypatch.setattr(align_room, "squared", lambda *_: drawn)
+    monkeypatch.setattr(align_room, "turned", lambda joint, *_: joint)
+    clues = align_room.Clues(guides_of([]), [None])  # type: ignore[list-item]
+    found, = align(gaussians, labels, [truth], views, DIAG, clues=clues)
+    assert (found is drawn) == (drawn_by == 0.0)
+    assert degrees_between(found.axis, truth.axis) < 0.1
