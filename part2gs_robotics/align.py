@@ -119,7 +119,7 @@ def align(
         return alone
     drawn = [turned(squared(j, h, clues.guides, diag), h, edges, diag)
              for (j, h), edges in zip(known, clues.edges, strict=True)]
-    return judged(gaussians, labels, alone, drawn, views, LEAST_GAIN)
+    return judged(gaussians, labels, alone, drawn, views, LEAST_GAIN, "edges and faces")
 
 
 def with_missing_deviations(
@@ -169,6 +169,7 @@ def judged(
     end: list[Joint],
     views: tuple[SmallViews, SmallViews],
     margin: float = 0.0,
+    change: str = "alignment",
 ) -> list[Joint]:
     """Return, joint by joint, `end` where the images prefer it to `start`.
 
@@ -179,6 +180,7 @@ def judged(
         end: joints after.
         views: images of both states.
         margin: share of the image cost by which `start` must be better to be kept.
+        change: what came between, for the log.
     """
 
     def cost(joints: list[Joint]) -> float:
@@ -191,7 +193,7 @@ def judged(
     for k, old in enumerate(start):
         trial = [*kept[:k], old, *kept[k + 1 :]]
         value = cost(trial)
-        logger.info("part %d: image cost %.4f after, %.4f before", k + 1, best, value)
+        logger.info("part %d: image cost %.4f after %s, %.4f before", k + 1, best, change, value)
         if value < (1.0 - margin) * best:
             kept, best = trial, value
     return kept

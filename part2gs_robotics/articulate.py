@@ -208,7 +208,8 @@ def settled_motion(
     hard, _ = labels_under(judge, start, verdict.hard, config)
     joints = pulled = physical_steps(study, start, hard, config)
     if pulled is not start and not config.paper_mode:  # the paper refines by its losses alone
-        joints = judged(study.gaussians, study.gaussian_labels(hard), start, pulled, views)
+        joints = judged(study.gaussians, study.gaussian_labels(hard), start, pulled, views,
+                        change="physics terms")
     kept = [{"physics_kept": float(new is not old)} for new, old in zip(joints, start, strict=True)]
     tree = flat(joints, hard)
     if config.alignment and not config.paper_mode:
