@@ -103,25 +103,28 @@ def held(judge: Judge, tree: Tree) -> Tree:
 
     A motion that only hides what one state's bent depth shows has no edges that must fit: its
     curvature is that of noise, and how far it moves is as good as unknown. A plain door in few
-    photos has little more, but saves more. A carried part needs an axis whatever it saves: those
-    of eleven builds had it to 0.0022 rad, a false one on a microwave's door had none.
+    photos has little more, but saves more, or has a firm axis and nothing against it: with a line
+    in the air, and all that counts added up, a false part on a glass door cost more than it saved.
+    A carried part needs an axis whatever it saves: those of eleven builds had it to 0.0022 rad, a
+    false one on a microwave's door had none.
     """
     motions = [hypothesis_of(j) for j in tree.joints]
     shown = judge.shared(motions, tree.hard) > SHARED
-    sure = [(np.isfinite(j.seen[1]) and j.seen[0] < LOOSE) or (j.sigma_axis < FIRM and both)
-            for j, both in zip(tree.joints, shown, strict=True)]
-    if all(sure) or not any(sure):  # plain parts: photos that hold none in place do not tell
+    seen = [np.isfinite(j.seen[1]) and j.seen[0] < LOOSE for j in tree.joints]
+    firm = [j.sigma_axis < FIRM and both for j, both in zip(tree.joints, shown, strict=True)]
+    if all(seen) or not any(seen + firm):  # plain parts: photos that hold none do not tell
         return tree
 
     now = judge.judge(motions)
 
     def alone(k: int) -> bool:
-        if sure[k] or k + 1 in tree.parents:
+        if seen[k] or k + 1 in tree.parents:
             return False
-        if tree.parents[k] and not np.isfinite(tree.joints[k].sigma_axis):
+        if not firm[k] and tree.parents[k] and not np.isfinite(tree.joints[k].sigma_axis):
             return True  # what a carrier leaves is bent surface, unless something shows its axis
-        _, gain, price = _gain(judge, now, k)
-        return gain < MUCH * price
+        rest, gain, price = _gain(judge, now, k)
+        against = rest.cost + price < now.cost
+        return gain < MUCH * price and (against or not firm[k])
 
     loose = [alone(k) for k in range(len(tree.joints))]
     if not any(loose):

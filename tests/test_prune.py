@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from part2gs_robotics import prune
 from part2gs_robotics.config import ArticulateConfig
 from part2gs_robotics.joint_fit import hypothesis_of
 from part2gs_robotics.joints import Joint
@@ -16,6 +18,7 @@ from part2gs_robotics.part_tree import flat
 from part2gs_robotics.prune import (
     FIRM,
     LOOSE,
+    MUCH,
     SHARED,
     _gain,
     _two_in_one,
@@ -57,14 +60,21 @@ def test_a_part_whose_way_images_do_not_show_is_not_held(judge, look_alikes, par
 
 
 @pytest.mark.parametrize("seen", [(np.inf, np.inf), (np.inf, 1e-3), (0.1, 1e-3)])
-@pytest.mark.parametrize(("share", "stays"), [(1.1 * SHARED, True), (0.9 * SHARED, False)])
-def test_a_part_whose_axis_is_firm_stays_where_both_states_show_it(
-        judge, look_alikes, parts, share, stays, seen, monkeypatch):
-    """Images do not show its axis, or its way neither; along an edge it may lie by chance."""
+@pytest.mark.parametrize(("share", "against", "stays"), [
+    (1.1 * SHARED, 0.5, True), (0.9 * SHARED, 0.5, False), (1.1 * SHARED, 2.0, False)])
+def test_a_part_whose_axis_is_firm_stays_where_both_states_show_it_and_nothing_is_against_it(
+        judge, look_alikes, parts, share, against, stays, seen, monkeypatch):
+    """Images do not show its axis, or its way neither; along an edge it may lie by chance.
+
+    Its line may lie in the air: then the whole cost may be lower without it, whatever it saves.
+    """
     first, second, copy = parts
     tree = tree_of(judge, look_alikes, first, second,
                    replace(copy, sigma_axis=0.9 * FIRM, seen=seen))
     monkeypatch.setattr(judge, "shared", lambda *_: np.array([1.0, 1.0, share]))
+    price = 0.01
+    monkeypatch.setattr(prune, "_gain", lambda _, now, k: (
+        SimpleNamespace(cost=now.cost - against * price), 0.5 * MUCH * price, price))
     assert (held(judge, tree) is tree) == stays
 
 
