@@ -103,8 +103,8 @@ def held(judge: Judge, tree: Tree) -> Tree:
 
     A motion that only hides what one state's bent depth shows has no edges that must fit: its
     curvature is that of noise, and how far it moves is as good as unknown. A plain door in few
-    photos has little more, but saves more, or has a firm axis and nothing against it: with a line
-    in the air, and all that counts added up, a false part on a glass door cost more than it saved.
+    photos has little more, but saves more, or has a firm axis. If the whole cost is lower without
+    it, nothing keeps it: false parts on glass and under wrong masks turned about lines in the air.
     A carried part needs an axis whatever it saves: those of eleven builds had it to 0.0022 rad, a
     false one on a microwave's door had none.
     """
@@ -123,8 +123,8 @@ def held(judge: Judge, tree: Tree) -> Tree:
         if not firm[k] and tree.parents[k] and not np.isfinite(tree.joints[k].sigma_axis):
             return True  # what a carrier leaves is bent surface, unless something shows its axis
         rest, gain, price = _gain(judge, now, k)
-        against = rest.cost + price < now.cost
-        return gain < MUCH * price and (against or not firm[k])
+        against = rest.cost + price < now.cost  # a line in the air may cost more than all it saves
+        return against or (gain < MUCH * price and not firm[k])
 
     loose = [alone(k) for k in range(len(tree.joints))]
     if not any(loose):

@@ -60,10 +60,11 @@ def test_a_part_whose_way_images_do_not_show_is_not_held(judge, look_alikes, par
 
 
 @pytest.mark.parametrize("seen", [(np.inf, np.inf), (np.inf, 1e-3), (0.1, 1e-3)])
-@pytest.mark.parametrize(("share", "against", "stays"), [
-    (1.1 * SHARED, 0.5, True), (0.9 * SHARED, 0.5, False), (1.1 * SHARED, 2.0, False)])
+@pytest.mark.parametrize(("share", "saved", "against", "stays"), [
+    (1.1 * SHARED, 0.5 * MUCH, 0.5, True), (0.9 * SHARED, 0.5 * MUCH, 0.5, False),
+    (0.9 * SHARED, 2.0 * MUCH, 0.5, True), (1.1 * SHARED, 2.0 * MUCH, 2.0, False)])
 def test_a_part_whose_axis_is_firm_stays_where_both_states_show_it_and_nothing_is_against_it(
-        judge, look_alikes, parts, share, against, stays, seen, monkeypatch):
+        judge, look_alikes, parts, share, saved, against, stays, seen, monkeypatch):
     """Images do not show its axis, or its way neither; along an edge it may lie by chance.
 
     Its line may lie in the air: then the whole cost may be lower without it, whatever it saves.
@@ -74,7 +75,7 @@ def test_a_part_whose_axis_is_firm_stays_where_both_states_show_it_and_nothing_i
     monkeypatch.setattr(judge, "shared", lambda *_: np.array([1.0, 1.0, share]))
     price = 0.01
     monkeypatch.setattr(prune, "_gain", lambda _, now, k: (
-        SimpleNamespace(cost=now.cost - against * price), 0.5 * MUCH * price, price))
+        SimpleNamespace(cost=now.cost - against * price), saved * price, price))
     assert (held(judge, tree) is tree) == stays
 
 
