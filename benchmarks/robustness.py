@@ -162,7 +162,7 @@ Lines: {", ".join(f"{name} {color}" for name, color in zip(names, COLORS, strict
 - `views`: below 20 photos per state a build refuses to start (exit 2).
 - `pose noise`: every camera is turned by a random angle of this size.
 - `depth images`: beside every photo, as the kit renders them; those rows ran alone, as README's
-  without them did. A microwave's glass counts as solid in them, with what is behind it as its paint.
+  without them did. A microwave's glass counts as solid in them, painted with what is behind.
 - `seed`: of the cameras' places.
 - `parts given`: `--parts`, right or wrong; the microwave has 1 moving part, the sektion cabinet 4.
 """
