@@ -61,7 +61,9 @@ def claim(judge: Judge, joints: list[Joint], hard: Labels,
         costs = unary.cost(np.eye(len(moves))[hard])
         proofs = _proofs(costs, hard)
         cores = _cores(proofs, study.graph)
-        if turn:  # only once ways have told parts apart that hide it alike
+        # Once joints are final (used before, it cost a table's draft a drawer), and once ways have
+        # told parts apart that hide it alike.
+        if turn and stays:
             slides = np.array([False, *(j.kind == "prismatic" for j in joints)])
             cores |= _cores(_gone(costs, extra, hard) & slides, study.graph)
         extra = _far(cores, surface, study.diag, stays)
