@@ -104,7 +104,7 @@ def held(judge: Judge, tree: Tree) -> Tree:
     A motion that only hides what one state's bent depth shows has no edges that must fit: its
     curvature is that of noise, and how far it moves is as good as unknown. A plain door in few
     photos has little more, but saves more, or has a firm axis. If the whole cost is lower without
-    it, nothing keeps it: false parts on glass and under wrong masks turned about lines in the air.
+    it, nothing keeps it: a false part on a microwave's glass turned about a line in the air.
     A carried part needs an axis whatever it saves: those of eleven builds had it to 0.0022 rad, a
     false one on a microwave's door had none.
     """
