@@ -11,7 +11,7 @@ from collections.abc import Callable
 import numpy as np
 
 from part2gs_robotics.flips import lesser
-from part2gs_robotics.judge import Judge, Verdict
+from part2gs_robotics.judge import NEAR, Judge, Verdict, arm_of
 from part2gs_robotics.motion_search import Hypothesis
 
 LARGE = np.deg2rad(45.0)  # a lesser turn is no odder than a slide
@@ -35,7 +35,9 @@ def lessened(judge: Judge, verdict: Verdict, pool: list[Hypothesis], say: Callab
     for k, h in enumerate(verdict.motions):
         if h.kind != 1 or h.carrier is not None or abs(h.value) < LARGE:
             continue
-        less = lesser(h, pool)
+        own, near = judge.study.own(best.hard, k + 1), NEAR * judge.study.diag
+        # The line of a turn that is a hinge goes through its part or lies beside it.
+        less = [new for new in lesser(h, pool) if not new.kind or arm_of(new, own) < near]
         if not less:
             continue
         before, after = best.motions[:k], best.motions[k + 1:]

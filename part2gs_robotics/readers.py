@@ -17,6 +17,7 @@ from part2gs_robotics.reader_artgs import is_artgs, read_artgs
 from part2gs_robotics.reader_nerfstudio import PosedImage, read_transforms
 from part2gs_robotics.scene import Scene, StateViews
 from part2gs_robotics.validate_depth import check_depth
+from part2gs_robotics.wrong_masks import without_wrong_masks
 
 STATE_FOLDERS = (("state_0", "state_1"), ("start", "end"))
 JSON_NAMES = ("transforms.json", "transforms_train.json")
@@ -43,6 +44,9 @@ def read_scene(path: Path, config: ReadConfig) -> Scene:
     notes = _notes(posed, states, config)
     for index, state in enumerate(states):
         validate.check_masks(state, f"{path}: state {index}")
+    zero, one = (without_wrong_masks(state, f"State {n}") for n, state in enumerate(states))
+    states, notes = (zero[0], one[0]), (*notes, *(note for _, note in (zero, one) if note))
+    for index, state in enumerate(states):
         if state.depths is not None:
             check_depth(state, f"{path}: state {index}")
     notes += validate.check_frames(states, str(path))

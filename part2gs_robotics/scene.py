@@ -48,6 +48,15 @@ class StateViews:
         """Number of views."""
         return len(self.images)
 
+    def select(self, keep: NDArray[np.bool_]) -> StateViews:
+        """Return the views where keep [V] is true."""
+        counts = self.depth_counts
+        return StateViews(
+            self.images[keep], self.alphas[keep], self.Ks[keep], self.viewmats[keep],
+            None if self.depths is None else self.depths[keep],
+            tuple(name for name, kept in zip(self.names, keep, strict=True) if kept),
+            self.held_out[keep], None if counts is None else (counts[0][keep], counts[1][keep]))
+
 
 @dataclass(frozen=True)
 class Scene:

@@ -164,6 +164,18 @@ def test_a_turn_stays_where_a_lesser_motion_saves_little(toy, judge):
     assert lessened(painted, bar, [SLIDE], pytest.fail) is bar
 
 
+def test_no_lesser_turn_is_about_a_line_in_the_air(judge, monkeypatch):
+    """It would carry the door to the same place, beside another part in the air as well."""
+    middle = se3.apply(TRUTH.move, MIDDLE[None])[0] - MIDDLE
+    across = np.cross([0.0, 0, 1], middle) / np.linalg.norm(middle)
+    far = MIDDLE + 0.5 * middle + 0.5 * np.linalg.norm(middle) / np.tan(0.15) * across
+    turn = Hypothesis(1, np.array([0.0, 0, 1]), far, 0.3)
+    assert np.allclose(se3.apply(turn.move, MIDDLE[None])[0], MIDDLE + middle)
+    verdict = judge.judge([TRUTH])
+    monkeypatch.setattr(judge, "judge", lambda _motions: pytest.fail("nothing is tried"))
+    assert lessened(judge, verdict, [turn], pytest.fail) is verdict
+
+
 def test_nothing_is_tried_for_small_turns_slides_and_turns_as_large(judge, monkeypatch):
     small = replace(TRUTH, value=0.9 * LARGE)
     verdicts = [judge.judge([h]) for h in (small, SLIDE, TRUTH)]

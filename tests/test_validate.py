@@ -14,6 +14,7 @@ from part2gs_robotics.errors import SceneError
 from part2gs_robotics.readers import read_scene
 from part2gs_robotics.scene import StateViews
 from part2gs_robotics.se3 import make, rotation_from_rotvec
+from part2gs_robotics.silhouettes import object_box, silhouettes
 from part2gs_robotics.synth_photos import write_ball_scene
 
 States = tuple[StateViews, StateViews]
@@ -33,7 +34,7 @@ def moved(state: StateViews, new_from_old: np.ndarray[tuple[int, ...], np.dtype[
 
 
 def test_box_holds_the_object_and_little_more(states: States) -> None:
-    low, high = validate.object_box(validate.silhouettes(states[0]), "state 0")
+    low, high = object_box(silhouettes(states[0]), "state 0")
     assert (low < [-0.68, -0.68, -0.68]).all()
     assert (high > [1.13, 0.68, 0.68]).all()
     assert (high - low < 1.45 * np.array([1.85, 1.4, 1.4])).all()
