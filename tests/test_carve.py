@@ -1,3 +1,5 @@
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
@@ -5,6 +7,7 @@ from part2gs_robotics.carve import FEWEST_POSES, MOST_POSES, Solid, carve, chain
 from part2gs_robotics.fuse import TRUNCATION, Grid
 from part2gs_robotics.joints import Joint
 from part2gs_robotics.kinematics import part_transforms
+from part2gs_robotics.meshing import CROSSING, _yield_to
 from part2gs_robotics.se3 import apply
 from part2gs_robotics.synth import toy_cabinet_twin
 
@@ -95,3 +98,22 @@ def test_the_better_observed_solid_stays():
     assert (kept.values == np.maximum(a.values, -TRUNCATION)).all()
     lost = carve(a, b, np.eye(4)[None], 0.0, (np.full_like(a.values, 0.5), weak))
     assert lost.volume == pytest.approx(0.5 * a.volume, rel=0.08)
+
+
+def test_parts_that_cross_on_one_way_are_parted_on_the_other():
+    """A bar passes under a block that comes down: it grazes the raised one, hits the lowered."""
+    lo, hi = np.array([0.0, 0.0, -0.06]), np.array([0.1, 0.3, 0.1])
+    block = box_solid([0.25, 0.0, 0.1 - 0.5 * VOXEL], [0.85, 0.3, 1.5])
+    place = SimpleNamespace(joints=(Joint("prismatic", np.array([1.0, 0, 0]), np.zeros(3), 1.1),
+                                    Joint("prismatic", -Z, np.zeros(3), 0.2)), parents=(0, 0))
+    out = _yield_to(block, box_solid(lo, hi), 2, 1, place, 1.0)
+    assert block.volume > out.volume > (1 - CROSSING) * block.volume
+
+    def way(lowered):
+        ends = np.stack([np.linspace(0, 1.1, 56), np.full(56, lowered)], 1)
+        return [np.linalg.inv(chain(1, place.joints, place.parents, q))
+                @ chain(2, place.joints, place.parents, q) for q in ends]
+
+    assert overlap(block, lo, hi, way(0.0)) > -0.1  # less than the clearance
+    assert overlap(out, lo, hi, way(0.0)) < -0.9
+    assert overlap(out, lo, hi, way(0.2)) > 1.0  # they really meet there
