@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import cast
 
@@ -45,7 +46,9 @@ def read_scene(path: Path, config: ReadConfig) -> Scene:
     for index, state in enumerate(states):
         validate.check_masks(state, f"{path}: state {index}")
     zero, one = (without_wrong_masks(state, f"State {n}") for n, state in enumerate(states))
-    states, notes = (zero[0], one[0]), (*notes, *(note for _, note in (zero, one) if note))
+    states = cast("tuple[StateViews, StateViews]", tuple(
+        replace(state, held_out=_held_out(len(state))) for state, _ in (zero, one)))
+    notes = (*notes, *(note for _, note in (zero, one) if note))
     for index, state in enumerate(states):
         if state.depths is not None:
             check_depth(state, f"{path}: state {index}")
@@ -153,7 +156,6 @@ def _load_state(posed: Sequence[PosedImage], config: ReadConfig) -> StateViews:
     counts = (np.stack([cast("NDArray[np.uint16]", view[3]) for view in loaded])
               if with_depth else None)
     units = np.array([image.depth_unit for image in posed])
-    order = np.arange(len(posed))
     return StateViews(
         images=np.stack([view[0] for view in loaded]),
         alphas=np.stack([view[1] for view in loaded]),
@@ -161,7 +163,7 @@ def _load_state(posed: Sequence[PosedImage], config: ReadConfig) -> StateViews:
         viewmats=np.stack([image.camera_from_world for image in posed]),
         depths=None if counts is None else counts * units.astype(np.float32)[:, None, None],
         names=tuple(image.name for image in posed),
-        held_out=order % HELD_OUT_EVERY == HELD_OUT_EVERY // 2,
+        held_out=_held_out(len(posed)),
         depth_counts=None if counts is None else (counts, units))
 
 
@@ -207,6 +209,10 @@ def _mask_file(image: PosedImage) -> Path:
 def _target_size(size: tuple[int, int], max_side: int) -> tuple[int, int]:
     scale = min(1.0, max_side / max(size))
     return max(1, round(size[0] * scale)), max(1, round(size[1] * scale))
+
+
+def _held_out(views: int) -> NDArray[np.bool_]:
+    return np.asarray(np.arange(views) % HELD_OUT_EVERY == HELD_OUT_EVERY // 2)
 
 
 def _notes(posed: States, states: tuple[StateViews, StateViews],
