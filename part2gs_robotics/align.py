@@ -28,7 +28,7 @@ from part2gs_robotics.align_system import (
 from part2gs_robotics.align_view import add_view
 from part2gs_robotics.cross_render import both_cost, move_gaussians
 from part2gs_robotics.gaussians import Gaussians
-from part2gs_robotics.guides import Guides, squared
+from part2gs_robotics.guides import DRAWN, FARTHER, Guides, squared
 from part2gs_robotics.joint_fit import move_of
 from part2gs_robotics.joints import Joint
 from part2gs_robotics.render import render
@@ -114,12 +114,32 @@ def align(
     if not deviations:
         return joints
     known = _with_deviations(gaussians, labels, joints, views, diag, levels[-1])
-    alone = [j for j, _ in known]
     if clues is None:
-        return alone
-    drawn = [turned(squared(j, h, clues.guides, diag), h, edges, diag)
-             for (j, h), edges in zip(known, clues.edges, strict=True)]
-    return judged(gaussians, labels, alone, drawn, views, LEAST_GAIN, "edges and faces")
+        return [j for j, _ in known]
+    return _drawn(gaussians, labels, known, views, diag, clues)
+
+
+def _drawn(
+    gaussians: tuple[Gaussians, Gaussians],
+    labels: tuple[NDArray[np.int64], NDArray[np.int64]],
+    known: list[tuple[Joint, F64]],
+    views: tuple[SmallViews, SmallViews],
+    diag: float,
+    clues: Clues,
+) -> list[Joint]:
+    """Return joints, given with their curvatures, drawn to faces and edges as images allow.
+
+    What lies within the deviations is drawn unless images are clearly against it. Short fits are
+    bent by more than the curvature knows: what lies farther is drawn if images like it better.
+    """
+    near, far = ([turned(squared(j, h, clues.guides, diag, within), h, edges, diag)
+                  for (j, h), edges in zip(known, clues.edges, strict=True)]
+                 for within in (DRAWN, FARTHER))
+    kept = judged(gaussians, labels, [j for j, _ in known], near, views, LEAST_GAIN,
+                  "edges and faces")
+    bold = [now if np.array_equal(one.axis, two.axis) else two
+            for now, one, two in zip(kept, near, far, strict=True)]
+    return judged(gaussians, labels, kept, bold, views, change="edges farther off")
 
 
 def with_missing_deviations(
@@ -189,8 +209,10 @@ def judged(
         )
 
     kept = list(end)
-    best = cost(kept)
-    for k, old in enumerate(start):
+    changed = [k for k, (old, new) in enumerate(zip(start, end, strict=True)) if old is not new]
+    best = cost(kept) if changed else 0.0
+    for k in changed:
+        old = start[k]
         trial = [*kept[:k], old, *kept[k + 1 :]]
         value = cost(trial)
         logger.info("part %d: image cost %.4f after %s, %.4f before", k + 1, best, change, value)

@@ -20,6 +20,7 @@ F64 = NDArray[np.float64]
 NEAR = np.deg2rad(3.0)  # rad: guides that may belong to an axis
 AGREED = 3.0  # standard deviations at which a guide counts a quarter
 DRAWN = 9.21  # squared distance, two degrees of freedom, that chance exceeds once in a hundred
+FARTHER = 36.0  # likewise, six deviations: a short fit's lid was 4 off the edges, if images agree
 # rad: fitted walls are bent, and what is aligned to them is off by that much, whatever its
 # curvature says: 0.04 to 0.12 deg on seen objects.
 BEND = np.deg2rad(0.1)
@@ -89,7 +90,7 @@ def direction_of(axis: F64, guides: Guides) -> Direction | None:
     return Direction(tilts, np.linalg.inv(known))
 
 
-def squared(joint: Joint, h: F64, guides: Guides, diag: float) -> Joint:
+def squared(joint: Joint, h: F64, guides: Guides, diag: float, within: float = DRAWN) -> Joint:
     """Return the joint with its axis drawn to the guides' direction, everything else following.
 
     Args:
@@ -97,8 +98,9 @@ def squared(joint: Joint, h: F64, guides: Guides, diag: float) -> Joint:
         h: [P, P] curvature of the alignment in the coordinates of joint_fit.perturbed.
         guides: of the object.
         diag: diagonal of the object in scene units.
+        within: squared distance in deviations up to which it is drawn.
     """
-    known = drawn(joint.sigma_axis, direction_of(joint.axis, guides))
+    known = drawn(joint.sigma_axis, direction_of(joint.axis, guides), within)
     moved = None if known is None else followed(joint, h, 0, known.tilts, diag)
     if known is None or moved is None:
         return joint
@@ -126,19 +128,20 @@ def followed(joint: Joint, h: F64, first: int, known: F64, diag: float) -> Joint
     return None if np.abs(step).max() > NEAR else perturbed(joint, step, diag)
 
 
-def drawn(sigma: float, direction: Direction | None) -> Direction | None:
+def drawn(sigma: float, direction: Direction | None, within: float = DRAWN) -> Direction | None:
     """Return the tilts of an axis drawn to a direction, None where it stays.
 
     Args:
         sigma: standard deviation of the axis, rad, infinite = not known.
         direction: of the guides, relative to the axis.
+        within: squared distance in deviations up to which it is drawn.
     """
     if direction is None:
         return None
     if not np.isfinite(sigma):
         return direction
     own = np.eye(2) * (0.5 * sigma**2 + BEND**2)
-    if direction.tilts @ np.linalg.solve(own + direction.covariance, direction.tilts) > DRAWN:
+    if direction.tilts @ np.linalg.solve(own + direction.covariance, direction.tilts) > within:
         return None
     gain = own @ np.linalg.inv(own + direction.covariance)
     return Direction(gain @ direction.tilts, own - gain @ own)

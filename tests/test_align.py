@@ -82,3 +82,20 @@ def test_a_joint_follows_clues_unless_the_images_are_clearly_against_it(
     found, = align(gaussians, labels, [truth], views, DIAG, clues=clues)
     assert (found is drawn) == (drawn_by == 0.0)
     assert degrees_between(found.axis, truth.axis) < 0.1
+
+
+@pytest.mark.parametrize("right", [True, False])
+def test_farther_clues_are_followed_where_the_images_like_them_better(
+    photographed, monkeypatch, right
+) -> None:
+    truth, gaussians, labels, views = photographed
+    tilt = se3.rotation_from_rotvec(np.deg2rad(0.6) * np.array([0.8, 0.6, 0.0]))
+    crooked = replace(truth, axis=tilt @ truth.axis)
+    start, drawn = (crooked, truth) if right else (truth, crooked)
+    monkeypatch.setattr(align_room, "squared", lambda joint, *rest: (
+        drawn if rest[-1] == align_room.FARTHER else joint))
+    monkeypatch.setattr(align_room, "turned", lambda joint, *_: joint)
+    clues = align_room.Clues(guides_of([]), [None])  # type: ignore[list-item]
+    here = (align_room.Level(0.7, 0.03, 0),)  # no steps: the joint is where it is
+    found, = align(gaussians, labels, [start], views, DIAG, here, clues=clues)
+    assert (found is drawn) == right
