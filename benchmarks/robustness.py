@@ -156,8 +156,8 @@ Builds ran two at a time with one thread each, or beside other work: seconds are
 Lines: {", ".join(f"{name} {color}" for name, color in zip(names, COLORS, strict=False))}.
 
 {table(rows)}
-- `masks wrong, 1 in 20`: every twentieth mask is shifted by 15 % of the image's width. The
-  microwave's door is taken for a lesser turn and a slide.
+- `masks wrong, 1 in 20`: every twentieth mask is shifted by 15 % of the image's width. All of them
+  are found by the other masks, and their photos left out.
 - `exposure of state 1`: colours times 1.3, clipped.
 - `shadows that move`: lights cast shadows, which move with the parts.
 - `views`: below 20 photos per state a build refuses to start (exit 2).
