@@ -130,7 +130,7 @@ def touching(outline: Silhouettes, points: NDArray[np.float32], cell: float,
     """
     against, seen = (np.zeros(len(points), np.int32) for _ in range(2))
     for away, camera, focal in zip(outline.away, outline.cameras, outline.focal, strict=True):
-        at, row, column, depth = pixels(camera, points, away.shape)
+        at, row, column, depth = _pixels(camera, points, away.shape)
         # half the diagonal of a cell is 0.87 edges
         against[at] += away[row, column] > 0.87 * cell * focal / depth
         seen[at] += 1
@@ -157,7 +157,7 @@ def _covers(outline: Silhouettes, kept: NDArray[np.float32], cell: float, reach:
             ) -> Iterator[tuple[Bools, float]]:
     """Yield per view [h, w] where kept cells project to, `reach` cells around, and a cell in px."""
     for away, camera, focal in zip(outline.away, outline.cameras, outline.focal, strict=True):
-        at, row, column, depth = pixels(camera, kept, away.shape)
+        at, row, column, depth = _pixels(camera, kept, away.shape)
         covered = np.zeros(away.shape, np.uint8)
         covered[row, column] = 1
         size = float(cell * focal / np.median(depth)) if len(at) else 0.0
@@ -165,7 +165,7 @@ def _covers(outline: Silhouettes, kept: NDArray[np.float32], cell: float, reach:
         yield np.asarray(cv2.dilate(covered, brush)) > 0, size
 
 
-def pixels(
+def _pixels(
     camera: NDArray[np.float32], points: NDArray[np.float32], shape: tuple[int, ...],
 ) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64], NDArray[np.float32]]:
     """Return index, row, column and depth of the points inside the image."""
