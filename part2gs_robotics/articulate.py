@@ -198,13 +198,12 @@ def settled_motion(
     from part2gs_robotics.physics_terms import part_diagnostics, physical_steps
     from part2gs_robotics.prune import joint_of
     from part2gs_robotics.reach import STAYS
-    from part2gs_robotics.small_views import small_views
+    from part2gs_robotics.small_views import both_small
 
     judge, search = Judge(study), search or SearchConfig()
     verdict = replace(verdict, hard=start_labels(judge, verdict, config))
     start = [joint_of(judge, verdict, k) for k in range(len(verdict.motions))]
-    (one, two), count, side = scene.states, search.align_views, search.align_side
-    views = small_views(one, count, side), small_views(two, count, side)
+    views = both_small(scene.states, search.align_views, search.align_side)
     hard, _ = labels_under(judge, start, verdict.hard, config)
     joints = pulled = physical_steps(study, start, hard, config)
     if pulled is not start and not config.paper_mode:  # the paper refines by its losses alone
@@ -213,8 +212,7 @@ def settled_motion(
     kept = [{"physics_kept": float(new is not old)} for new, old in zip(joints, start, strict=True)]
     tree = flat(joints, hard)
     if config.alignment and not config.paper_mode:
-        side = search.sharp_side
-        sharp = small_views(one, count, side), small_views(two, count, side)
+        sharp = both_small(scene.states, search.align_views, search.sharp_side)
         tree = nest(judge, joints, hard, config, (views, sharp), verdict.pool)
     joints, parents = tree.joints, tree.parents
     clock.tick("alignment", 4, len(joints))

@@ -122,45 +122,34 @@ def part_diagnostics(
 
 
 def _measure(part: Part, joint: Joint, paper: bool) -> dict[str, float]:
-    zero, one, base, repels = part.zero, part.one, part.base, part.repels
-    move = move_of(joint)
+    zero, one, repels = part.zero, part.one, part.repels
     if min(len(zero), len(one)) == 0:
         return {"motion_residual": float("nan"), "repel_points": float(len(repels))}
-    there = se3.apply(move, zero)
-    gap, index = cKDTree(one).query(there)
+    gap, index = cKDTree(one).query(se3.apply(move_of(joint), zero))
     close = gap < part.tau
     weights = torch.ones(int(close.sum()), 1, dtype=torch.float64)
-    rot, trans = (
-        torch.from_numpy(move[None, :3, :3].copy()),
-        torch.from_numpy(move[None, :3, 3].copy()),
-    )
-    zero_t = torch.from_numpy(zero)
     path = np.stack([se3.apply(joint.transform(s * joint.value), zero) for s in SWEEP])
-    velocity = losses.velocity_loss(
-        zero_t[close], torch.from_numpy(one[index[close]]), weights, paper=paper
-    )
-    forces = part.diag * repel_forces(
-        zero / part.diag, repels / part.diag, REPEL_VOXEL, paper=paper
-    )
+    contact = losses.contact_loss(torch.from_numpy(path), torch.from_numpy(part.base.points),
+                                  part.base, 0.5 * part.tau, paper)
+    velocity = losses.velocity_loss(torch.from_numpy(zero[close]),
+                                    torch.from_numpy(one[index[close]]), weights, paper=paper)
+    forces = part.diag * repel_forces(zero / part.diag, repels / part.diag, REPEL_VOXEL,
+                                      paper=paper)
     return {
-        "contact_loss": float(
-            losses.contact_loss(
-                torch.from_numpy(path), torch.from_numpy(base.points), base, 0.5 * part.tau, paper
-            )
-        ),
+        "contact_loss": float(contact),
         "velocity_loss": float(velocity),
-        "vector_field_loss": float(
-            losses.vector_field_loss(
-                zero_t,
-                torch.from_numpy(one[index] if paper else one),
-                rot,
-                trans,
-                torch.ones(len(zero), 1, dtype=torch.float64),
-                sigma=part.tau,
-                paper=paper,
-            )
-        ),
+        "vector_field_loss": _field_loss(part, joint, one[index] if paper else one, paper),
         "motion_residual": float(np.median(gap)),
         "repel_points": float(len(repels)),
         "repel_gradient": joint_gradient(zero, forces, joint) if len(repels) else 0.0,
     }
+
+
+def _field_loss(part: Part, joint: Joint, target: F64, paper: bool) -> float:
+    """Return the vector-field loss of a part's points under its joint, against target [M, 3]."""
+    move = torch.from_numpy(move_of(joint)[None].copy())
+    ones = torch.ones(len(part.zero), 1, dtype=torch.float64)
+    return float(losses.vector_field_loss(
+        torch.from_numpy(part.zero), torch.from_numpy(target), move[:, :3, :3], move[:, :3, 3],
+        ones, sigma=part.tau, paper=paper))
+

@@ -64,3 +64,9 @@ def small_views(state: StateViews, count: int, side: int) -> SmallViews:
     Ks[:, 0] *= size[0] / state.width
     Ks[:, 1] *= size[1] / state.height
     return SmallViews(np.stack(colors), np.stack(alphas), Ks, state.viewmats[index])
+
+
+def both_small(states: tuple[StateViews, StateViews], count: int, side: int,
+               ) -> tuple[SmallViews, SmallViews]:
+    """Return `small_views` of both states."""
+    return small_views(states[0], count, side), small_views(states[1], count, side)

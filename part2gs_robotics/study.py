@@ -127,13 +127,7 @@ def gather(scene: Scene, gaussians: tuple[Gaussians, Gaussians],
         render_depth_maps(gaussians[0], scene.states[0]),
         render_depth_maps(gaussians[1], scene.states[1]),
     )
-    opaque = [g.means[g.opacities > 0.5] for g in gaussians]
-    _require_surface(*opaque)
-    solid = np.concatenate(opaque).astype(np.float64)
-    rough = float(
-        np.linalg.norm(np.quantile(solid, 0.998, axis=0) - np.quantile(solid, 0.002, axis=0))
-    )
-    size = config.surfel_size
+    rough, size = _rough_diagonal(gaussians), config.surfel_size
     painted = [_own_surface(maps[s], scene.states[s].images, rough, size) for s in (0, 1)]
     _require_surface(painted[0].points, painted[1].points)
     shades = light_of((painted[0], painted[1]))
@@ -166,6 +160,15 @@ def gather(scene: Scene, gaussians: tuple[Gaussians, Gaussians],
         Light(shades, (normals[0], normals[1])),
         _straight(scene),
     )
+
+
+def _rough_diagonal(gaussians: tuple[Gaussians, Gaussians]) -> float:
+    """Return the diagonal of the box of nearly all opaque Gaussians, scene units."""
+    opaque = [g.means[g.opacities > 0.5] for g in gaussians]
+    _require_surface(*opaque)
+    solid = np.concatenate(opaque).astype(np.float64)
+    ends = np.quantile(solid, 0.998, axis=0), np.quantile(solid, 0.002, axis=0)
+    return float(np.linalg.norm(ends[0] - ends[1]))
 
 
 def _straight(scene: Scene) -> tuple[Segments, Segments]:

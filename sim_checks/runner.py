@@ -118,15 +118,8 @@ def _plain_words(message: str) -> str:
     return f"{line} ({hints[0]})" if hints else line
 
 
-def _run(
-    report: CheckReport,
-    subject: Subject,
-    summary: TwinSummary | None,
-    wanted: set[str],
-    steps: int,
-    poses: int,
-    twin: bool,
-) -> CheckReport:
+def _run(report: CheckReport, subject: Subject, summary: TwinSummary | None, wanted: set[str],
+         steps: int, poses: int, twin: bool) -> CheckReport:
     from part2gs_robotics.sim_checks import static
     from part2gs_robotics.sim_checks.actuation import check_actuation
     from part2gs_robotics.sim_checks.interpenetration import check_interpenetration
@@ -148,9 +141,6 @@ def _run(
         rows += found
     stuck = {r.subject for r in rows if r.name == "reach" and r.status == "fail"}
     rows += check_stability(subject, stuck) if "stability" in wanted else []
-    left_out = [g for g in GROUPS if g not in wanted and g != "compile"]
-    notes = (*subject.notes, *((f"not run: {', '.join(left_out)}",) if left_out else ()))
-    notes += warnings_of(rows)
     return CheckReport(
         report.path,
         report.engine,
@@ -159,6 +149,12 @@ def _run(
         tuple(curves),
         tuple(static.losses_table(subject, summary, rows)),
         tuple(static.pieces_table(subject)) if "overlap" in wanted else (),
-        ("base fixed, parent-child contacts not filtered, automatic reset off", *notes),
+        (*_notes(subject, wanted), *warnings_of(rows)),
         size=subject.size,
     )
+
+
+def _notes(subject: Subject, wanted: set[str]) -> tuple[str, ...]:
+    left_out = [g for g in GROUPS if g not in wanted and g != "compile"]
+    return ("base fixed, parent-child contacts not filtered, automatic reset off", *subject.notes,
+            *((f"not run: {', '.join(left_out)}",) if left_out else ()))
