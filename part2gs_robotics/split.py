@@ -9,7 +9,7 @@ from itertools import combinations
 import numpy as np
 
 from part2gs_robotics.bodies import apart, pieces
-from part2gs_robotics.judge import MIN_SURFELS, PLAIN_ASKEW, Judge, Verdict
+from part2gs_robotics.judge import MIN_SURFELS, MORE_MET, PLAIN_ASKEW, Judge, Verdict
 from part2gs_robotics.motion_refine import misfit, refine
 from part2gs_robotics.motion_search import Hypothesis
 from part2gs_robotics.study import Study
@@ -22,7 +22,7 @@ WHOLE = 0.8
 MOST_PAIRS = 20  # of each kind tried in the place of each motion; a set takes about 30 ms
 HOPE = 2.0  # prices: two drawers cost that much more before tuning than after
 NEAR = 0.005  # of the diagonal: two motions that carry a piece nearer than that are one
-TORN = 0.5  # of the price of a part: that nothing joins what one motion would carry tells the rest
+TORN = 0.5  # of a price: that nothing joins what one motion carries, or few meet, tells the rest
 PIECE_STEPS = (-0.04, -0.02, 0.0, 0.02, 0.04)  # of the diagonal: refinement reaches half a step
 
 
@@ -48,7 +48,8 @@ def split(judge: Judge, verdict: Verdict, pool: list[Hypothesis],
             for k in np.flatnonzero(doubtful) for pair in pairs
             if pair[0].kind == verdict.motions[k].kind]
     found, price = _best(judge, verdict, sets, say)
-    pays = verdict.cost - found.cost >= price
+    worth = TORN * price if found.met > verdict.met + MORE_MET else price
+    pays = verdict.cost - found.cost >= worth
     return found if pays and found.improves(verdict) else verdict
 
 
