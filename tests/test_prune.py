@@ -16,6 +16,7 @@ from part2gs_robotics.judge import Judge
 from part2gs_robotics.nested import _proven
 from part2gs_robotics.part_tree import flat
 from part2gs_robotics.prune import (
+    FEW,
     FIRM,
     LOOSE,
     MUCH,
@@ -62,8 +63,9 @@ def test_a_part_whose_way_images_do_not_show_is_not_held(judge, look_alikes, par
 @pytest.mark.parametrize("seen", [(np.inf, np.inf), (np.inf, 1e-3), (0.1, 1e-3)])
 @pytest.mark.parametrize(("share", "saved", "against", "stays"), [
     (1.1 * SHARED, 0.5 * MUCH, 0.5, True), (0.9 * SHARED, 0.5 * MUCH, 0.5, False),
-    (0.9 * SHARED, 2.0 * MUCH, 0.5, True), (1.1 * SHARED, 2.0 * MUCH, 2.0, False)])
-def test_a_part_whose_axis_is_firm_stays_where_both_states_show_it_and_nothing_is_against_it(
+    (0.9 * SHARED, 2.0 * MUCH, 0.5, True), (1.1 * SHARED, 2.0 * MUCH, 2.0, False),
+    (1.1 * SHARED, 1.1 * FEW, 0.5, True), (1.1 * SHARED, 0.9 * FEW, 0.5, False)])
+def test_a_part_whose_axis_is_firm_stays_where_both_states_show_it_and_it_saves_a_little(
         judge, look_alikes, parts, share, saved, against, stays, seen, monkeypatch):
     """Images do not show its axis, or its way neither; along an edge it may lie by chance.
 

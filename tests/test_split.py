@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from part2gs_robotics.judge import Verdict
+from part2gs_robotics.judge import MORE_MET, Verdict
 from part2gs_robotics.motion_search import Hypothesis
-from part2gs_robotics.split import WHOLE, _parallel, parted, split, torn
+from part2gs_robotics.split import TORN, WHOLE, _parallel, parted, split, torn
 from part2gs_robotics.surfels import Surfels
 from part2gs_robotics.tuning import tune
 
@@ -40,6 +40,22 @@ def test_one_slide_between_two_blocks_is_two(judge, right, look_alikes, monkeypa
     assert split(judge, right, pool, silent) is right, "bodies are not split"
     monkeypatch.setattr("part2gs_robotics.split.WHOLE", 2.0)
     assert split(judge, right, pool, silent) is right, "not even when asked: it does not pay"
+
+
+@pytest.mark.parametrize(("saved", "met", "is_split"), [
+    (0.7 * TORN, 1.0, False), (1.2 * TORN, 1.0, True), (1.2 * TORN, 0.5 * MORE_MET, False),
+    (1.2, 0.5 * MORE_MET, True)])
+def test_two_bodies_that_meet_more_than_the_one_between_pay_half(
+        judge, look_alikes, monkeypatch, saved, met, is_split):
+    """Two doors that change places look like one that swung across, and save little beside it."""
+    compromise, price = judge.judge([BETWEEN]), 0.01
+    two = replace(judge.judge(list(look_alikes.truth)), met=compromise.met + met,
+                  image_cost=compromise.image_cost, air=compromise.air, askew=compromise.askew)
+    dearer = two.cost - (compromise.cost - saved * price)
+    two = replace(two, surfel_cost=two.surfel_cost - dearer)
+    monkeypatch.setattr("part2gs_robotics.split._best", lambda *_: (two, price))
+    found = split(judge, compromise, [slide(Z, 0.3), *look_alikes.truth], silent)
+    assert found is (two if is_split else compromise)
 
 
 def test_parallel_motions_are_paired_by_kind_whichever_way_their_axes_point():
