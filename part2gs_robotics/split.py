@@ -9,7 +9,14 @@ from itertools import combinations
 import numpy as np
 
 from part2gs_robotics.bodies import apart, pieces
-from part2gs_robotics.judge import MIN_SURFELS, MORE_MET, PLAIN_ASKEW, Judge, Verdict
+from part2gs_robotics.judge import (
+    INCOHERENT,
+    MIN_SURFELS,
+    MORE_MET,
+    PLAIN_ASKEW,
+    Judge,
+    Verdict,
+)
 from part2gs_robotics.motion_refine import misfit, refine
 from part2gs_robotics.motion_search import Hypothesis
 from part2gs_robotics.study import Study
@@ -49,8 +56,10 @@ def split(judge: Judge, verdict: Verdict, pool: list[Hypothesis],
             if pair[0].kind == verdict.motions[k].kind]
     found, price = _best(judge, verdict, sets, say)
     worth = TORN * price if found.met > verdict.met + MORE_MET else price
-    pays = verdict.cost - found.cost >= worth
-    return found if pays and found.improves(verdict) else verdict
+    # A drawer that shares surfels with doors looks a little askew until it is settled.
+    excused = INCOHERENT * max(found.askew - verdict.askew, 0.0)
+    gain = verdict.cost - found.cost + (excused if found.askew < PLAIN_ASKEW else 0.0)
+    return found if gain >= worth and found.improves(verdict) else verdict
 
 
 def parted(judge: Judge, verdict: Verdict, say: Callable[[str], None]) -> Verdict:

@@ -54,8 +54,15 @@ def test_two_bodies_that_meet_more_than_the_one_between_pay_half(
     dearer = two.cost - (compromise.cost - saved * price)
     two = replace(two, surfel_cost=two.surfel_cost - dearer)
     monkeypatch.setattr("part2gs_robotics.split._best", lambda *_: (two, price))
+    leaning = replace(two, askew=two.askew + 0.3)
     found = split(judge, compromise, [slide(Z, 0.3), *look_alikes.truth], silent)
     assert found is (two if is_split else compromise)
+    monkeypatch.setattr("part2gs_robotics.split._best", lambda *_: (leaning, price))
+    excused = split(judge, compromise, [slide(Z, 0.3), *look_alikes.truth], silent)
+    assert excused is (leaning if is_split else compromise), "to look a little askew is no fault"
+    off = replace(two, askew=1.0)
+    monkeypatch.setattr("part2gs_robotics.split._best", lambda *_: (off, price))
+    assert split(judge, compromise, look_alikes.truth, silent) is compromise, "to be off is"
 
 
 def test_parallel_motions_are_paired_by_kind_whichever_way_their_axes_point():
