@@ -19,7 +19,7 @@ WAYS = 200  # directions tried, 8 deg apart at most: fitted normals are not bett
 MOST = 400  # normals looked at: their mean is known to 0.02; every set of motions is asked
 # Mean |sin 2 angle| to the walls, above that of the best direction: ten true drawers 0 to 0.16, one
 # that shares surfels with doors 0.23; a diagonal between two drawers 0.40, one at 45 deg to all but
-# the side walls 0.5. With 0.25 a false slide on a microwave, fitted in 400 steps, stayed.
+# the side walls 0.5. From 0.25 on, a false slide on a microwave was settled before it was pruned.
 FREE, FULL = 0.2, 0.4
 # rad between an axis and the nearest edge, or the line across two: 63 of 65 true joints less than
 # 0.1 deg, two 1.2 (benchmarks/edges.py); fitted motions are off by 3 until they are aligned.
