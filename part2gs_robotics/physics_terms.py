@@ -152,4 +152,3 @@ def _field_loss(part: Part, joint: Joint, target: F64, paper: bool) -> float:
     return float(losses.vector_field_loss(
         torch.from_numpy(part.zero), torch.from_numpy(target), move[:, :3, :3], move[:, :3, 3],
         ones, sigma=part.tau, paper=paper))
-

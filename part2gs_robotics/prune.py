@@ -29,8 +29,8 @@ LOOSE = 0.02  # rad: five times the loosest true part of eleven scenes; false on
 # rad: held so well, by images or by faces, a part is real though images do not show its way: plain
 # doors, drawers and lids 0.0015 to 0.002, a false part on a microwave's door 0.01.
 FIRM = 0.004
-# Prices: firm parts whose way images do not show saved 5.4 (a stapler's magazine) to 35; edges held
-# a part of a laptop's dark screen, bent by 9 % of the diagonal, that saved 1.2.
+# Prices: firm parts whose way images do not show saved 5.4 (a stapler's magazine) to 35; a bent
+# part of a laptop's dark screen, that edges held, 1.2.
 FEW = 2.5
 # Of the richer state's surfels: what images do not hold is a part only if both states show as much
 # of it. True parts 0.2 to 1, but for two that save much (a thin flap 0.06, trays in one 0.11); a

@@ -39,7 +39,7 @@ def split(judge: Judge, verdict: Verdict, pool: list[Hypothesis],
 
     One motion between two drawers' explains both rather well: neither drawer alone is worth adding
     to it, and neither is worth more in its place. One shut and one opened look like a slide askew,
-    and of two doors like one door that swung across.
+    and of two doors like one door that swung across. Two that meet a tenth more need save half.
 
     Args:
         judge: of the study.
