@@ -83,6 +83,16 @@ def test_a_flap_on_a_door_is_found_and_hangs_on_the_door(chained):
     np.testing.assert_allclose(moves[2], move_of(end.joints[1]), atol=1e-9)
 
 
+@pytest.mark.parametrize(("worth", "parents"), [(1.5, (0,)), (3.0, (0, 1))])
+def test_a_carried_part_must_save_more_than_one_on_the_base(chained, monkeypatch, worth, parents):
+    judge, _ = chained
+    alone = judge.judge([hypothesis(DOOR)])
+    both = judge.judge([hypothesis(DOOR), hypothesis(carrying(FLAP))])
+    monkeypatch.setattr(judge, "price", lambda *_: (alone.cost - both.cost) / worth)
+    tree = chains(judge, flat([DOOR], alone.hard), None, np.random.default_rng(0))
+    assert tree.parents == parents
+
+
 def test_a_door_without_a_flap_stays_alone(toy):
     judge, _ = photographed(toy)
     hard = judge.judge([hypothesis(DOOR)]).hard
