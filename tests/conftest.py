@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import os
 import shutil
 from pathlib import Path
@@ -38,6 +39,14 @@ def one_numba_thread():
     import numba
 
     yield from _one_thread(numba)
+
+
+@pytest.fixture(scope="session")
+def load():
+    """Return a function that imports scripts of benchmarks/ as they import one another."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.syspath_prepend(str(Path(__file__).resolve().parents[1] / "benchmarks"))
+        yield importlib.import_module
 
 
 @pytest.fixture(scope="session")

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import importlib
 import math
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,14 +11,10 @@ import pytest
 from part2gs_robotics import se3
 from part2gs_robotics.align import align
 
-FOLDER = Path(__file__).resolve().parents[1] / "benchmarks"
-
 
 @pytest.fixture(scope="module")
-def sim():
-    with pytest.MonkeyPatch.context() as patch:
-        patch.syspath_prepend(str(FOLDER))
-        yield importlib.import_module("joint_sigma")
+def sim(load):
+    return load("joint_sigma")
 
 
 def sigmas(joint):

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
-from pathlib import Path
-
 import numpy as np
 import pytest
 
@@ -12,14 +9,10 @@ from part2gs_robotics.config import ReadConfig
 from part2gs_robotics.readers import read_scene
 from part2gs_robotics.silhouettes import silhouettes
 
-FOLDER = Path(__file__).resolve().parents[1] / "benchmarks"
-
 
 @pytest.fixture(scope="module")
-def masks():
-    with pytest.MonkeyPatch.context() as patch:
-        patch.syspath_prepend(str(FOLDER))
-        yield importlib.import_module("masks")
+def masks(load):
+    return load("masks")
 
 
 @pytest.fixture(scope="module")

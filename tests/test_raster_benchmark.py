@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import importlib
 import json
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -19,17 +18,8 @@ from part2gs_robotics.fit_step import draw, params_of
 from part2gs_robotics.render_cpu import render
 
 Load = Callable[[str], ModuleType]
-FOLDER = Path(__file__).resolve().parents[1] / "benchmarks"
 SIDE = 70  # no multiple of a tile's side: the last tiles are cut
 BEHIND = np.array([0.2, 0.5, 0.9], np.float32)
-
-
-@pytest.fixture(scope="module")
-def load() -> Iterator[Load]:
-    """Import benchmark scripts as they import one another."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.syspath_prepend(str(FOLDER))
-        yield importlib.import_module
 
 
 def drawn(load: Load, kernel: ModuleType) -> tuple[Any, Any]:

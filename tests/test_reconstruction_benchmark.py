@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import importlib
 import json
-from collections.abc import Iterator
+from collections.abc import Callable
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -58,11 +57,8 @@ pathlib.Path(a.out, "results.json").write_text(json.dumps({
 
 
 @pytest.fixture(scope="module")
-def modules() -> Iterator[dict[str, ModuleType]]:
-    """Import benchmark scripts as they import one another."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.syspath_prepend(str(ROOT / "benchmarks"))
-        yield {name: importlib.import_module(name) for name in NAMES}
+def modules(load: Callable[[str], ModuleType]) -> dict[str, ModuleType]:
+    return {name: load(name) for name in NAMES}
 
 
 @pytest.fixture

@@ -2,22 +2,15 @@
 
 from __future__ import annotations
 
-import importlib
-from pathlib import Path
-
 import mujoco
 import numpy as np
 import pytest
 import yaml
 
-FOLDER = Path(__file__).resolve().parents[1] / "benchmarks"
-
 
 @pytest.fixture(scope="module")
-def solids():
-    with pytest.MonkeyPatch.context() as patch:
-        patch.syspath_prepend(str(FOLDER))
-        yield importlib.import_module("solids")
+def solids(load):
+    return load("solids")
 
 
 def test_every_thing_loads_and_its_parts_move(solids):
