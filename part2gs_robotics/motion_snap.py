@@ -56,7 +56,7 @@ def slide_families(found: list[Hypothesis], study: Study, price: float,
     """Return slides along the directions of `found` whose distances together explain most.
 
     Where no patch found a slide, such as of drawers behind doors, the object's own directions are
-    tried.
+    tried. Edges come first: a slide askew that hides two drawers leans to directions of no wall.
 
     Args:
         found: motions; only the slides' directions are used.
@@ -65,7 +65,7 @@ def slide_families(found: list[Hypothesis], study: Study, price: float,
         rng: of the direction search.
     """
     axes: list[F64] = []
-    for h in found:
+    for h in sorted(found, key=lambda h: not h.held):
         if h.kind == 0 and all(abs(h.axis @ a) < np.cos(np.deg2rad(8.0)) for a in axes):
             axes.append(h.axis)
     axes = (axes or list(_own_directions(study, rng)))[:MAX_FAMILIES]

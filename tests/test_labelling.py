@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from part2gs_robotics import se3
+from part2gs_robotics import labelling, se3
 from part2gs_robotics.labelling import (
     FOREIGN_COST,
     NEUTRAL_COST,
@@ -13,6 +13,7 @@ from part2gs_robotics.labelling import (
     Graph,
     Unary,
     build_graph,
+    energy_of,
     label,
     unary_costs,
 )
@@ -88,6 +89,37 @@ def test_what_nothing_shows_rests_and_the_energy_does_not_know():
     assert energy == pytest.approx(11 * NEUTRAL_COST)
     np.testing.assert_array_equal(seen.resting.miss[:, 0], FREE_COST)
     np.testing.assert_allclose(seen.resting.miss[:, 1], NEUTRAL_COST + UNSEEN_MOVES)
+
+
+def wall_between_two_drawers(width, high=40, deep=5):
+    """A wall that slides along itself under both drawers' motions; only its rims show it rests."""
+    wide = width + 2 * deep
+    row, column = np.divmod(np.arange(high * wide), wide)
+    steps = [(a, b) for a in (-1, 0, 1) for b in (-1, 0, 1) if (a, b) != (0, 0)]
+    ring = [np.clip(row + a, 0, high - 1) * wide + np.clip(column + b, 0, wide - 1)
+            for a, b in steps]
+    first, second = column < deep, column >= width + deep
+    target = np.tile(np.arange(len(row))[:, None], (1, 3))
+    target[first[:, None] & (np.arange(3) != 1)] = -1
+    target[second[:, None] & (np.arange(3) != 2)] = -1
+    target[~first & ~second & ((row == 0) | (row == high - 1)), 1:] = -1
+    unary = Unary(np.zeros(target.shape), target, np.full(target.shape, FREE_COST))
+    graph = Graph(np.stack(ring, 1).astype(np.int32), np.ones((len(row), 8), np.float32))
+    return unary, graph, np.where(first, 1, np.where(second, 2, 0))
+
+
+@pytest.mark.parametrize("width", [10, 40])
+def test_the_better_start_wins(width, monkeypatch):
+    """A wide wall rests; a narrow one is cheaper shared. No start finds both, the energy tells."""
+    unary, graph, rests = wall_between_two_drawers(width)
+    _, energy = label(unary, graph)
+    assert energy < 1.05 * energy_of(unary, graph, rests)
+    alone = []
+    for start in labelling.STARTS:
+        monkeypatch.setattr(labelling, "STARTS", (start,))
+        alone.append(label(unary, graph)[1])
+    assert energy == min(alone)
+    assert (alone[0] < alone[1]) == (width == 10)
 
 
 def test_the_graph_stays_within_a_state_and_prefers_alike_normals(slid):
