@@ -20,7 +20,7 @@ F64 = NDArray[np.float64]
 SLIDE_SNAP = np.deg2rad(40.0)  # a drawer front sliding over itself leaves its direction nearly free
 TURN_SNAP = np.deg2rad(12.0)  # a hinge seen through a whole door is off by less
 LONGEST_SLIDE = 0.5  # of the diagonal: a drawer is not longer than its cabinet
-MAX_FAMILIES = 3  # directions: a cabinet has one, space has three
+MAX_FAMILIES = 3  # directions, and those of edges: a cabinet has one, space has three
 SAME_MOTION = 0.004  # of the diagonal: half a grid step, within the reach of refinement
 
 
@@ -56,7 +56,7 @@ def slide_families(found: list[Hypothesis], study: Study, price: float,
     """Return slides along the directions of `found` whose distances together explain most.
 
     Where no patch found a slide, such as of drawers behind doors, the object's own directions are
-    tried. Edges come first: a slide askew that hides two drawers leans to directions of no wall.
+    tried. Those of edges always are: a slide askew that hides two drawers leans to many others.
 
     Args:
         found: motions; only the slides' directions are used.
@@ -65,10 +65,11 @@ def slide_families(found: list[Hypothesis], study: Study, price: float,
         rng: of the direction search.
     """
     axes: list[F64] = []
-    for h in sorted(found, key=lambda h: not h.held):
-        if h.kind == 0 and all(abs(h.axis @ a) < np.cos(np.deg2rad(8.0)) for a in axes):
+    for h in found:
+        if (h.kind == 0 and (h.held or len(axes) < MAX_FAMILIES)
+                and all(abs(h.axis @ a) < np.cos(np.deg2rad(8.0)) for a in axes)):
             axes.append(h.axis)
-    axes = (axes or list(_own_directions(study, rng)))[:MAX_FAMILIES]
+    axes = axes or list(_own_directions(study, rng))[:MAX_FAMILIES]
     steps = np.arange(2, LONGEST_SLIDE / SLIDE_STEP) * SLIDE_STEP * study.diag
     out: list[Hypothesis] = []
     for axis in axes:

@@ -14,6 +14,7 @@ from part2gs_robotics.judge import (
     MIN_SURFELS,
     MORE_MET,
     PLAIN_ASKEW,
+    SLOW,
     Judge,
     Verdict,
 )
@@ -66,14 +67,18 @@ def parted(judge: Judge, verdict: Verdict, say: Callable[[str], None]) -> Verdic
     """Return the verdict with one motion replaced by a motion of each of its pieces, if that pays.
 
     Drawers in far corners that are pulled out by nearly as much look like one body in two pieces.
-    Nothing joins them and they move differently: that is told half of what a part is worth.
+    Nothing joins them and they move differently: that is told half of what a part is worth. It is
+    not where one hardly moves: a piece of a wardrobe's drawer that stays behind is a wrong label.
     """
     study, sets = judge.study, []
+    far, slow = NEAR * study.diag, SLOW * study.diag
     for k, h in enumerate(verdict.motions):
         found = pieces(h, study.own(verdict.hard, k + 1), study.diag, MIN_SURFELS)
         if len(found) > 1:
             own = [_own(judge, h, piece) for piece in found[:2]]
-            if apart(own[0], own[1], found[1]) > NEAR * study.diag:
+            ways = [apart(replace(g, kind=0, value=0.0), g, piece)
+                    for g, piece in zip(own, found, strict=False)]
+            if apart(own[0], own[1], found[1]) > far and min(ways) > slow:
                 sets.append([*verdict.motions[:k], *own, *verdict.motions[k + 1:]])
     best, price = _best(judge, verdict, sets, say)
     if best is verdict:
