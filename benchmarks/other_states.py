@@ -32,6 +32,20 @@ STATES: dict[str, tuple[str, dict[str, tuple[float, float]]]] = {
     "trash_can_17_deg": ("pm_102209_trashcan", {"joint_2": (0.0, 0.3)}),
     "dishwasher_door_alone": ("bigym_dishwasher", {"door_hinge": (0.05, 1.2)}),
     "door_23_deg": ("robosuite_door", {"hinge": (0.0, 0.4)}),
+    "two_drawers_cross": (
+        "sektion_cabinet", {"drawer_top_joint": (0.22, 0.02), "drawer_bottom_joint": (0.0, 0.25)}),
+    "doors_11_deg": (
+        "sektion_cabinet", {"door_right_joint": (0.1, 0.3), "door_left_joint": (-0.1, -0.3)}),
+    "doors_cross": (
+        "pm_31249_table",
+        {"joint_3": (0.1, 0.9), "joint_4": (1.1, 0.2), "joint_1": (0.0, 0.2)}),
+    "drawers_uneven": (
+        "libero_wooden_cabinet",
+        {"top_level": (-0.01, -0.04), "middle_level": (-0.09, -0.02), "bottom_level": (0.0, -0.1)}),
+    "laptop_6_deg": ("pm_10211_laptop", {"joint_1": (-0.4, -0.5)}),
+    "stapler_17_deg": ("pm_103275_stapler", {"joint_1": (0.9, 1.2)}),
+    "one_tray": (
+        "bigym_dishwasher", {"door_hinge": (1.2, 1.45), "tray_bottom_linear": (0.0, 0.25)}),
 }
 
 

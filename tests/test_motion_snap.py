@@ -90,6 +90,17 @@ def test_the_family_of_a_direction_holds_the_true_distance(study, slid):
     assert slide_families([turn], study, 1e9, rng) == []  # none explains as much as that
 
 
+@pytest.mark.parametrize("held", [False, True])
+def test_an_edge_has_its_family_however_many_slides_lean_elsewhere(study, slid, held):
+    leaning = [np.array(a) for a in ([0.0, 1, 0], [0.0, 0, 1], [0.0, 0.6, 0.8])]
+    last = Hypothesis(0, slid.axis, np.zeros(3), 0.1, held=held)
+    found = [*(Hypothesis(0, a, np.zeros(3), 0.2) for a in leaning), last]
+    family = slide_families(found, study, 20.0, np.random.default_rng(0))
+    along = [h for h in family if np.array_equal(h.axis, slid.axis)]
+    assert bool(along) == held
+    assert not along or min(abs(h.value - slid.value) for h in along) <= 0.51 * 0.01 * study.diag
+
+
 def test_distinct_keeps_the_first_of_motions_that_act_alike(study):
     a = Hypothesis(0, np.array([1.0, 0, 0]), np.zeros(3), 0.3)
     same = Hypothesis(0, np.array([-1.0, 0, 0]), np.ones(3), -0.3)

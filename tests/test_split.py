@@ -82,8 +82,12 @@ def test_pieces_of_one_motion_become_motions_of_their_own(judge, right, look_ali
     assert found.cost < between.cost
     assert "on their own" in said[-1]
     assert parted(judge, right, silent) is right, "bodies in one piece stay"
-    monkeypatch.setattr("part2gs_robotics.split.NEAR", 1.0)
-    assert parted(judge, between, silent) is between, "as pieces must move differently"
+    with monkeypatch.context() as patch:
+        patch.setattr("part2gs_robotics.split.NEAR", 1.0)
+        assert parted(judge, between, silent) is between, "as pieces must move differently"
+    slower = 0.25 / judge.study.diag  # between both ways
+    monkeypatch.setattr("part2gs_robotics.split.SLOW", slower)
+    assert parted(judge, between, silent) is between, "a piece that stays behind is no part"
 
 
 def test_tuning_repairs_lengths_that_are_off_by_a_hundredth(judge, right, look_alikes):
