@@ -13,7 +13,7 @@ from part2gs_robotics import se3
 from part2gs_robotics.askew import askew, crooked, square
 from part2gs_robotics.bodies import at_home
 from part2gs_robotics.cross_render import both_cost
-from part2gs_robotics.labelling import Unary, label, unary_costs
+from part2gs_robotics.labelling import STARTS, Unary, label, unary_costs
 from part2gs_robotics.landing import unclaimed
 from part2gs_robotics.motion_refine import refine
 from part2gs_robotics.motion_search import Hypothesis
@@ -143,10 +143,10 @@ class Judge:
         return self.met(motions, hard) * least / np.maximum(most, 1)
 
     def sort_out(self, motions: list[Hypothesis], rough: bool = False,
-                 ) -> tuple[NDArray[np.int64], float]:
+                 starts: tuple[float, ...] = STARTS) -> tuple[NDArray[np.int64], float]:
         """Return the labelling of the surfels under the motions and its cost per surfel."""
         unary = self._unary(motions)
-        hard, energy = label(unary, self.study.graph, rough, unary.resting)
+        hard, energy = label(unary, self.study.graph, rough, unary.resting, starts)
         return hard, energy / len(hard)
 
     def costs(self, motions: list[Hypothesis], hard: NDArray[np.int64]) -> F64:

@@ -21,6 +21,7 @@ from part2gs_robotics.config import ArticulateConfig
 from part2gs_robotics.joint_fit import hypothesis_of, move_of
 from part2gs_robotics.joints import Joint
 from part2gs_robotics.judge import AGAINST, NEAR, SLOW, Judge, Verdict, arm_of
+from part2gs_robotics.labelling import EVEN
 from part2gs_robotics.landing import land
 from part2gs_robotics.motion_refine import refine
 from part2gs_robotics.motion_search import SCREW, Hypothesis, directions, search_patch
@@ -139,11 +140,12 @@ def _grown(judge: Judge, tree: Tree, carrier: int, priced: bool, rng: np.random.
     """Return the tree with one more part on a carrier, or None if that does not pay."""
     motions = [hypothesis_of(j) for j in tree.joints]
     now = judge.judge(motions)
-    costs = judge.costs(motions, now.hard)
-    left = _left(judge, costs, now.hard, carrier)
-    if len(left) < LEAST_LEFT * max((now.hard == carrier).sum(), 1) or len(left) < SEEDS:
+    # Evenly shared out: what neither explains, a latch, goes to rest where labels lean to it.
+    hard, _ = judge.sort_out(motions, starts=EVEN)
+    left = _left(judge, judge.costs(motions, hard), hard, carrier)
+    if len(left) < LEAST_LEFT * max((hard == carrier).sum(), 1) or len(left) < SEEDS:
         return None
-    body = judge.study.surfels[0].select(now.hard[: len(judge.study.surfels[0])] == carrier)
+    body = judge.study.surfels[0].select(hard[: len(judge.study.surfels[0])] == carrier)
     found = _search(judge, left, move_of(tree.joints[carrier - 1]), body, rng)
     if not found:
         return None

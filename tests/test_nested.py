@@ -13,7 +13,14 @@ from part2gs_robotics.joint_fit import move_of
 from part2gs_robotics.joints import Joint
 from part2gs_robotics.judge import Judge
 from part2gs_robotics.motion_search import Hypothesis
-from part2gs_robotics.nested import _beside, _rehung, _swaps_sides, aligned, chains
+from part2gs_robotics.nested import (
+    UNEXPLAINED,
+    _beside,
+    _rehung,
+    _swaps_sides,
+    aligned,
+    chains,
+)
 from part2gs_robotics.part_tree import Tree, carried, flat, ordered
 from part2gs_robotics.prune import joint_of
 from part2gs_robotics.small_views import small_views
@@ -81,6 +88,22 @@ def test_a_flap_on_a_door_is_found_and_hangs_on_the_door(chained):
     np.testing.assert_allclose(end.joints[1].carrier, move_of(door))
     moves = part_motions([replace(j, carrier=None) for j in end.joints], end.parents)
     np.testing.assert_allclose(moves[2], move_of(end.joints[1]), atol=1e-9)
+
+
+def test_a_flap_is_found_though_labels_lean_to_rest(chained, monkeypatch):
+    """What the door's motion does not explain may go to the base: it is asked for on its own."""
+    judge, _ = chained
+    shared_out = judge.judge
+
+    def leaning(motions, known=None):
+        found = shared_out(motions, known)
+        unexplained = judge.costs(list(motions), found.hard) > UNEXPLAINED
+        return replace(found, hard=np.where(unexplained, 0, found.hard))
+
+    monkeypatch.setattr(judge, "judge", leaning)
+    tree = chains(judge, flat([DOOR], leaning([hypothesis(DOOR)]).hard), None,
+                  np.random.default_rng(0))
+    assert tree.parents == (0, 1)
 
 
 @pytest.mark.parametrize(("worth", "parents"), [(1.5, (0,)), (3.0, (0, 1))])
