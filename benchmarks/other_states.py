@@ -42,10 +42,6 @@ STATES: dict[str, tuple[str, dict[str, tuple[float, float]]]] = {
     "drawers_uneven": (
         "libero_wooden_cabinet",
         {"top_level": (-0.01, -0.04), "middle_level": (-0.09, -0.02), "bottom_level": (0.0, -0.1)}),
-    "laptop_6_deg": ("pm_10211_laptop", {"joint_1": (-0.4, -0.5)}),
-    "stapler_17_deg": ("pm_103275_stapler", {"joint_1": (0.9, 1.2)}),
-    "one_tray": (
-        "bigym_dishwasher", {"door_hinge": (1.2, 1.45), "tray_bottom_linear": (0.0, 0.25)}),
 }
 
 
