@@ -47,7 +47,7 @@ LEAST_SLIDE = 0.02  # of the diagonal, likewise
 HALF = np.deg2rad(135.0)  # beside the carrier: from here on a plate lands on itself, sides swapped
 # Prices, for a part to hang on a part and not on the base: labels found anew save 2 % of the cost
 # left whatever it hangs on; false carriers saved up to 2.7 % in nine builds, a lamp's arm 8.5 %. A
-# new part pays as much: a blurred door's glass saved 1.25 prices, a door's latch saves 4.1.
+# new part pays as much: a blurred door's glass saved 1.25 prices, a door's latch 4.1 to 5.6.
 CARRIED = 2
 # Of the cost left: for a hinge line FAR away from its part, see `_apart`; more than CARRIED prices:
 # it alone tells two turns about parallel axes from one about a far line, which both make together.
