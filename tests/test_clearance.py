@@ -81,6 +81,16 @@ def test_a_drawer_runs_through_what_closed_its_opening(closed: tuple[int, ...], 
         assert (real - union).volume() < 0.1 * real.volume(), "what is real stays"
 
 
+def test_a_pane_thinner_than_what_losses_are_weighed_with_keeps_its_pieces() -> None:
+    twin = blocked()
+    low, high = (np.asarray(f(twin.parts[1].mesh.vertices, 0)) for f in (np.min, np.max))
+    middle = (low + high) / 2
+    pane = to_mesh(box((middle[0], low[1], low[2]), (middle[0] + 2e-4, high[1], high[2])))
+    thin = dataclasses.replace(twin.parts[1], mesh=pane, pieces=(pane,))
+    apart = separate_pieces(dataclasses.replace(twin, parts=(twin.parts[0], thin)))
+    assert volume(apart.parts[1].pieces) > 0.97 * volume([pane])
+
+
 def test_bodies_that_cross_are_left_alone_and_said_to() -> None:
     twin = blocked()
     block = to_mesh(to_manifold(twin.parts[0].mesh).hull())
