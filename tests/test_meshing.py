@@ -7,13 +7,13 @@ import pytest
 from part2gs_robotics.articulate import Motion, without_part
 from part2gs_robotics.carve import Solid
 from part2gs_robotics.config import MeshConfig
-from part2gs_robotics.errors import MeshError
+from part2gs_robotics.errors import EmptyPartError, MeshError
 from part2gs_robotics.fuse import TRUNCATION, Fused, Grid
 from part2gs_robotics.gaussians import SH_C0, Gaussians
 from part2gs_robotics.joints import Joint
 from part2gs_robotics.meshing import _out_of_the_way, _Place, build_parts
 from part2gs_robotics.part_solids import keep_large, without_blobs
-from part2gs_robotics.real_parts import build_existing
+from part2gs_robotics.real_parts import build_existing, require_bodies
 from part2gs_robotics.scene import Scene, StateViews
 from part2gs_robotics.se3 import apply, inverse, screw_motion
 from part2gs_robotics.solids import defect, to_manifold
@@ -165,6 +165,17 @@ def test_a_part_without_volume_is_left_out_with_a_note():
     assert "part_2: its volume is 0" in left.notes[1]
     assert left.part_probs[0].shape == (len(gaussians[0]), 2)
     np.testing.assert_array_equal(left.part_probs[0][:2], [[1, 0], [1, 0]])
+
+
+def test_a_crumb_is_no_part():
+    scene, gaussians, motion = two_states([CHEST, LID], [HINGE])
+    base, lid = build_parts(scene, gaussians, motion, MeshConfig(resolution=32))
+    require_bodies((base, lid), gaussians, motion)
+    centre = lid.mesh.vertices.mean(0)
+    small = replace(lid.mesh, vertices=centre + 0.2 * (lid.mesh.vertices - centre))
+    with pytest.raises(EmptyPartError, match="part_1: its solid extends by") as raised:
+        require_bodies((base, replace(lid, mesh=small)), gaussians, motion)
+    assert raised.value.part == 1
 
 
 def test_leaving_out_a_carried_part_renumbers_the_others():
