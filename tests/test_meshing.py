@@ -11,7 +11,8 @@ from part2gs_robotics.errors import EmptyPartError, MeshError
 from part2gs_robotics.fuse import TRUNCATION, Fused, Grid
 from part2gs_robotics.gaussians import SH_C0, Gaussians
 from part2gs_robotics.joints import Joint
-from part2gs_robotics.meshing import _out_of_the_way, _Place, build_parts
+from part2gs_robotics.meshing import _out_of_the_way, build_parts
+from part2gs_robotics.part_place import Place
 from part2gs_robotics.part_solids import keep_large, without_blobs
 from part2gs_robotics.real_parts import build_existing, require_bodies
 from part2gs_robotics.scene import Scene, StateViews
@@ -178,6 +179,19 @@ def test_a_crumb_is_no_part():
     assert raised.value.part == 1
 
 
+@pytest.mark.parametrize("through", [True, False])
+def test_what_would_have_to_go_through_the_base_is_no_part(through):
+    """A board before the chest that turns up behind it, or further before it."""
+    board = (np.array([0.3, -0.2, -0.2]), np.array([0.35, 0.2, 0.1]))
+    slide = Joint("prismatic", np.array([1.0, 0, 0]), np.zeros(3), -0.7 if through else 0.15)
+    scene, gaussians, motion = two_states([CHEST, LID, board], [HINGE, slide])
+    left, parts = build_existing(scene, gaussians, motion, MeshConfig(resolution=48))
+    assert [p.name for p in parts] == ["base", "part_1", "part_2"][:2 if through else 3]
+    assert (len(left.joints), len(left.notes)) == ((1, 1) if through else (2, 0))
+    if through:
+        assert "part_2: on its way it runs into other parts" in left.notes[0]
+
+
 def test_leaving_out_a_carried_part_renumbers_the_others():
     probs = np.array([[0.1, 0.2, 0.3, 0.4]], np.float32)
     joints = tuple(Joint("prismatic", HINGE.axis, HINGE.origin, v) for v in (0.1, 0.2, 0.3))
@@ -198,7 +212,7 @@ def test_what_nobody_saw_is_not_in_a_neighbours_way():
     lower = (np.array([-0.1, -0.25, -0.2]), np.array([0.2, 0.25, 0.0]))
     slides = [Joint("prismatic", np.array([1.0, 0, 0]), np.zeros(3), v) for v in (0.1, 0.2)]
     _, gaussians, motion = two_states([body, upper, lower], slides)
-    place = _Place(gaussians, motion)
+    place = Place(gaussians, motion)
     grid = Grid.around(np.full(3, -0.5), np.full(3, 0.6), 0.02)
     solids = [box_solid(grid, *box) for box in (body, upper, lower)]
     bulge = box_solid(grid, np.array([-0.1, -0.2, -0.1]), np.array([0.2, 0.2, 0.2]))
