@@ -42,6 +42,7 @@ LEAST_LEFT = 0.01  # of a carrier's surfels: a magazine or a latch leaves more, 
 SEEDS = 6  # patches of what is left: a carried part is a small thing
 GUESSES = 6  # motions of each patch that are refined
 TRIED = 8  # refined motions, those that land most of what is left, that are judged
+POLISHED = 8  # rounds of refinement; a latch's line 5 % of the diagonal off takes three
 LEAST_TURN = np.deg2rad(3.0)  # beside the carrier: less is the carrier's own error
 LEAST_SLIDE = 0.02  # of the diagonal, likewise
 HALF = np.deg2rad(135.0)  # beside the carrier: from here on a plate lands on itself, sides swapped
@@ -209,11 +210,23 @@ def _swaps_sides(h: Hypothesis, home: F64, body: F64, near: float) -> bool:
 
 
 def _polished(judge: Judge, verdict: Verdict) -> Verdict:
-    """Return the verdict with its last motion refined on its own surfels where that helps."""
-    last = refine(verdict.motions[-1], judge.study.own(verdict.hard, len(verdict.motions)),
-                  judge.lands, judge.study.taus)
-    new = judge.judge([*verdict.motions[:-1], last])
-    return new if new.cost < verdict.cost else verdict
+    """Return the verdict with its last motion refined on its own surfels for as long as that helps.
+
+    Found on a patch, it may land a rod on another stretch of the same rod; what more it lands then
+    shows the rod's end. From near, refinement would keep that place: it looks farther as well.
+    """
+    near = judge.study.taus
+    far = SEARCH_TAU * judge.study.diag, *near
+    for _ in range(POLISHED):
+        own = judge.study.own(verdict.hard, len(verdict.motions))
+        trials = [judge.judge([*verdict.motions[:-1],
+                               refine(verdict.motions[-1], own, judge.lands, taus)])
+                  for taus in (near, far)]
+        new = min(trials, key=lambda v: v.cost)
+        if new.cost >= verdict.cost:
+            break
+        verdict = new
+    return verdict
 
 
 def _rehung(judge: Judge, tree: Tree) -> Tree:
