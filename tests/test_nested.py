@@ -12,10 +12,12 @@ from part2gs_robotics.identity import part_motions
 from part2gs_robotics.joint_fit import move_of
 from part2gs_robotics.joints import Joint
 from part2gs_robotics.judge import Judge
+from part2gs_robotics.motion_refine import refine
 from part2gs_robotics.motion_search import Hypothesis
 from part2gs_robotics.nested import (
     UNEXPLAINED,
     _beside,
+    _polished,
     _rehung,
     _swaps_sides,
     aligned,
@@ -88,6 +90,21 @@ def test_a_flap_on_a_door_is_found_and_hangs_on_the_door(chained):
     np.testing.assert_allclose(end.joints[1].carrier, move_of(door))
     moves = part_motions([replace(j, carrier=None) for j in end.joints], end.parents)
     np.testing.assert_allclose(moves[2], move_of(end.joints[1]), atol=1e-9)
+
+
+@pytest.mark.parametrize("off", [(0, 0, 0.05), (0, 0.05, 0), (0, 0.06, -0.06)])
+def test_a_carried_part_found_beside_its_line_is_brought_onto_it(chained, off):
+    judge, _ = chained
+    true = hypothesis(carrying(FLAP))
+    corners = np.array(np.meshgrid(*zip(*PLATE[:2], strict=True))).reshape(3, -1).T
+
+    def gap(h):
+        return np.linalg.norm(se3.apply(h.move, corners) - se3.apply(true.move, corners), axis=1)
+
+    start = judge.judge([hypothesis(DOOR), replace(true, origin=true.origin + off)])
+    once = refine(start.motions[1], judge.study.own(start.hard, 2), judge.lands, judge.study.taus)
+    assert gap(once).max() > 0.025
+    assert gap(_polished(judge, start).motions[1]).max() < 0.02
 
 
 def test_a_flap_is_found_though_labels_lean_to_rest(chained, monkeypatch):
