@@ -41,8 +41,19 @@ OBJECTS: dict[str, tuple[str, str, dict[str, tuple[float, float]]]] = {
     "kitchen_sliding": (KITCHEN, "slidecabinet", {"slide_cabinet": (0.02, 0.35)}),
     "room_door": (ADROIT, "frame", {"door_hinge": (0.05, 0.9)}),
     "room_door_latch": (ADROIT, "frame", {"door_hinge": (0.05, 0.9), "latch": (0.0, 1.2)}),
+    # The same in other states: little, much, one closes while the other opens.
+    "drawer_3_cm": (MW.format("drawer"), "drawer", {"goal_slidey": (0.0, -0.03)}),
+    "faucet_115_deg": (MW.format("faucet"), "faucetBase", {"knob_Joint_1": (-1.0, 1.0)}),
+    "laptop_9_deg": (MW.format("laptop"), "laptop", {"joint_0": (0.5, 0.65)}),
+    "lever_90_deg": (MW.format("lever_pull"), "lever", {"LeverAxis": (0.0, 1.57)}),
+    "kitchen_hinged_cross": (KITCHEN, "hingecabinet", {"left_hinge_cabinet": (-1.2, -0.1),
+                                                       "right_hinge_cabinet": (0.05, 0.9)}),
+    "kitchen_microwave_12_deg": (KITCHEN, "microwave", {"microwave": (-0.05, -0.26)}),
+    "kitchen_microwave_115_deg": (KITCHEN, "microwave", {"microwave": (-0.05, -2.05)}),
+    "kitchen_sliding_10_cm": (KITCHEN, "slidecabinet", {"slide_cabinet": (0.1, 0.2)}),
+    "room_door_latch_92_deg": (ADROIT, "frame", {"door_hinge": (0.0, 0.3), "latch": (0.2, 1.8)}),
 }
-NESTED = ("room_door_latch",)
+NESTED = ("room_door_latch", "room_door_latch_92_deg")
 
 
 def main() -> int:
