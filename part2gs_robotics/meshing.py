@@ -145,14 +145,16 @@ def _require_room(solids: list[Solid], wholes: list[float], place: Place) -> Non
 
     The last moving part stays: the checks say what it runs into.
     """
-    left = {k: solids[k].volume / wholes[k] for k, parent in enumerate(place.parents, 1)
+    free = [solid.volume for solid in solids]
+    left = {k: free[k] / max(free[k], wholes[k]) for k, parent in enumerate(place.parents, 1)
             if not parent and k not in place.parents}
     worst = min(left, key=lambda k: left[k], default=0)
     if worst and place.count > 2 and left[worst] < ROOM:
         raise EmptyPartError(
             f"{part_name(worst)}: on its way it runs into other parts with all but "
-            f"{left[worst]:.0%} of what was seen of it. A real part has room for {ROOM:.0%} at "
-            "least; give views that show what lies in its way, or --parts if it exists.", worst)
+            f"{left[worst]:.0%} of what was seen of it. Needed room for {ROOM:.0%} at least; give "
+            "views that show what is in its way, or lower --parts if the part does not exist.",
+            worst)
 
 
 def _out_of_the_way(solids: list[Solid], evidence: list[Fused], part: int, place: Place,
