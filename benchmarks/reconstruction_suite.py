@@ -123,7 +123,6 @@ def summary(found: dict[str, Any]) -> dict[str, Any]:
     """Return the numbers of the table, with machine, versions and commit."""
     commit = git("rev-parse", "--short", "HEAD")
     return {
-        "command": found["cmd"],
         "options": found["options"],
         "machine": f"{os.cpu_count()} CPU cores, {platform.machine()}, no GPU",
         "rows": [summary_row(row) | {"commit": commit} for row in found["rows"]],
