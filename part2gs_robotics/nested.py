@@ -249,8 +249,8 @@ def _rehung(judge: Judge, tree: Tree) -> Tree:
                 continue  # a slide on a slide is one on the base as well: nothing tells them apart
             guess = _beside(motions[k], move_of(tree.joints[p]), judge.study.own(best.hard, k + 1))
             trial = _replaced(judge, best, k, guess)
-            if trial is None:
-                continue
+            if trial is None or se3.turn(trial.motions[k].move) < LEAST_TURN:
+                continue  # taken back, the carrier's turn leaves a slide: one on the base
             cost = trial.cost * (1 + _apart(judge, trial, k))
             logger.info("nested: part %d on part %d: %.4f, was %.4f", k + 1, p + 1, cost, score)
             # The base is likelier than a carrier by as much as no part is than one more: two turns

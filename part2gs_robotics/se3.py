@@ -32,6 +32,11 @@ def rotvec_from_rotation(rot: F64) -> F64:
     return np.asarray(Rotation.from_matrix(rot).as_rotvec(), float)
 
 
+def turn(motion: F64) -> float:
+    """Return by how many radians, 0 to pi, a [4, 4] rigid motion turns."""
+    return float(np.linalg.norm(rotvec_from_rotation(motion[:3, :3])))
+
+
 def make(rot: F64, trans: F64) -> F64:
     """Return the [4, 4] rigid motion x -> rot x + trans."""
     out = np.eye(4)

@@ -46,11 +46,11 @@ def carrying(joint):
     return replace(joint, carrier=move_of(DOOR))
 
 
-def photographed(toy, *flaps):
-    """Return the judge of a door with flaps that turn on it, and photos of both states."""
-    before = [toy.Box(*BASE), toy.Box(*PANEL), *(toy.Box(*PLATE) for _ in flaps)]
+def photographed(toy, *plates):
+    """Return the judge of a door and plates on joints of their own, and photos of both states."""
+    before = [toy.Box(*BASE), toy.Box(*PANEL), *(toy.Box(*PLATE) for _ in plates)]
     after = [toy.Box(*BASE), toy.Box(*PANEL, move_of(DOOR)),
-             *(toy.Box(*PLATE, move_of(carrying(flap))) for flap in flaps)]
+             *(toy.Box(*PLATE, move_of(joint)) for joint in plates)]
     pair = [toy.gaussians_of(boxes, 0.04)[0] for boxes in (before, after)]
     eyes = toy.cameras(20, 64, np.array([0.3, -0.1, 0.3]), 1.3)
     scene = toy.scene_of(tuple(toy.drawn(g, *eyes, 64) for g in pair))
@@ -59,7 +59,7 @@ def photographed(toy, *flaps):
 
 @pytest.fixture(scope="module")
 def chained(toy):
-    return photographed(toy, FLAP)
+    return photographed(toy, carrying(FLAP))
 
 
 def hypothesis(j):
@@ -229,3 +229,17 @@ def test_a_slide_is_not_asked_whether_it_hangs_on_a_slide(look_alikes, caplog) -
     with caplog.at_level("INFO"):
         assert _rehung(judge, tree) is tree
     assert "nested:" not in caplog.text
+
+
+def test_what_slides_beside_a_door_does_not_turn_on_it_and_back(toy, monkeypatch) -> None:
+    """A turn that takes the door's back explains a slide as well, and is no slide askew."""
+    line = DOOR.origin + np.array([0.385, -0.023, 0])
+    way = se3.apply(move_of(DOOR), line) - line
+    slide = float(np.linalg.norm(way))
+    drawer = Joint("prismatic", way / slide, line, slide)
+    judge, _ = photographed(toy, drawer)
+    monkeypatch.setattr(judge, "leans", lambda motions, _: np.array([0.5 * (not h.kind)
+                                                                     for h in motions]))
+    motions = [hypothesis(DOOR), replace(hypothesis(drawer), kind=0)]
+    tree = flat([DOOR, drawer], judge.judge(motions).hard)
+    assert _rehung(judge, tree) is tree
