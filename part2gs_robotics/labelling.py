@@ -175,28 +175,39 @@ def unary_costs(
     )
 
 
-def label(unary: Unary, graph: Graph, rough: bool = False, sought: Unary | None = None,
+def label(unary: Unary, graph: Graph, sought: Unary | None = None,
           starts: tuple[float, ...] = STARTS) -> tuple[NDArray[np.int64], float]:
     """Return hard labels [N] and their energy by annealed mean field, from the better start.
 
     Args:
         unary: landing of every surfel under every motion.
         graph: neighbours.
-        rough: one sweep per temperature: enough to tell good sets of motions and starts from bad.
         sought: the same with the ties broken that labels are found with; the energy is without.
         starts: what makes a motion dearer than rest at first; later ones must be better.
     """
-    weights = (SMOOTHNESS * graph.weights).astype(np.float32)
+    best = starts[0] if len(starts) == 1 else roughly(unary, graph, sought, starts)[2]
+    return _found(unary, graph, sought, best, SWEEPS)
 
-    def found(lean: float, sweeps: int) -> tuple[NDArray[np.int64], float]:
-        hard = _annealed(sought or unary, graph.neighbors, weights, lean, sweeps)
-        return hard, energy_of(unary, graph, hard)
 
-    tried = {lean: found(lean, 1) for lean in starts}
+def roughly(unary: Unary, graph: Graph, sought: Unary | None = None,
+            starts: tuple[float, ...] = STARTS) -> tuple[NDArray[np.int64], float, float]:
+    """Return hard labels [N], their energy, and which start was better, by one sweep per step.
+
+    Enough to tell good sets of motions and starts from bad. Arguments as of `label`.
+    """
+    tried = {lean: _found(unary, graph, sought, lean, 1) for lean in starts}
     best = starts[0]
     for lean in starts[1:]:
         best = lean if tried[lean][1] < (1 - BETTER) * tried[best][1] else best
-    return tried[best] if rough else found(best, SWEEPS)
+    return *tried[best], best
+
+
+def _found(unary: Unary, graph: Graph, sought: Unary | None, lean: float, sweeps: int,
+           ) -> tuple[NDArray[np.int64], float]:
+    """Return hard labels [N] from one start and their energy."""
+    weights = (SMOOTHNESS * graph.weights).astype(np.float32)
+    hard = _annealed(sought or unary, graph.neighbors, weights, lean, sweeps)
+    return hard, energy_of(unary, graph, hard)
 
 
 def energy_of(unary: Unary, graph: Graph, hard: NDArray[np.int64]) -> float:

@@ -102,16 +102,20 @@ def set_cursors(histogram: Ints, tile_first: Longs) -> None:
 
 
 @parallel_kernel
-def count_pairs(order: Longs, seen: int, packed: Floats, boxes: Ints, tiles_x: int, chunks: Longs,
-                scratch: Floats, histogram: Ints, first: Longs) -> None:
-    """Count the pairs of every chunk and tile, and in first[i + 1] those of Gaussian i."""
+def list_pairs(order: Longs, seen: int, packed: Floats, boxes: Ints, tiles_x: int, chunks: Longs,
+               scratch: Floats, listed: Ints, counts: Longs, histogram: Ints, first: Longs) -> None:
+    """List the pairs of every chunk in the order of depth, and count them in three ways.
+
+    listed [chunks, room, 4]: Gaussian, tile, and the rows of the tile it covers, as far as there is
+    room; counts [chunks] pairs, whether there was room or not; histogram of chunks and tiles;
+    first[i + 1] pairs of Gaussian i.
+    """
     for chunk in prange(len(chunks) - 1):
-        s = scratch[chunk]
+        s, place, room = scratch[chunk], 0, listed.shape[1]
         histogram[chunk, :] = 0
         for n in range(chunks[chunk], chunks[chunk + 1]):
-            i = order[n]
+            i, before = order[n], place
             _fetch(packed, boxes, order[min(n + AHEAD, len(order) - 1)])
-            count = 0
             if n < seen:
                 start, end = boxes[i, 0] // TILE_X, (boxes[i, 2] - 1) // TILE_X + 1
                 for column in range(start, end):
@@ -121,35 +125,30 @@ def count_pairs(order: Longs, seen: int, packed: Floats, boxes: Ints, tiles_x: i
                     y0, y1 = _rows(s, boxes, i, j)
                     if y1 > y0:
                         for row in range(y0 // TILE_Y, (y1 - 1) // TILE_Y + 1):
-                            histogram[chunk, row * tiles_x + column] += 1
-                            count += 1
-            first[i + 1] = count
+                            tile = row * tiles_x + column
+                            histogram[chunk, tile] += 1
+                            if place < room:
+                                listed[chunk, place, 0], listed[chunk, place, 1] = i, tile
+                                listed[chunk, place, 2] = max(y0 - row * TILE_Y, 0)
+                                listed[chunk, place, 3] = min(y1 - row * TILE_Y, TILE_Y)
+                            place += 1
+            first[i + 1] = place - before
+        counts[chunk] = place
 
 
 @parallel_kernel
-def place_pairs(order: Longs, seen: int, packed: Floats, boxes: Ints, tiles_x: int, chunks: Longs,
-                scratch: Floats, cursor: Ints, first: Longs, pairs: Ints) -> None:
+def place_pairs(listed: Ints, counts: Longs, cursor: Ints, first: Longs, pairs: Ints) -> None:
     """Write each pair's Gaussian, its place among the Gaussian's pairs, and the rows it covers."""
-    for chunk in prange(len(chunks) - 1):
-        s = scratch[chunk]
-        for n in range(chunks[chunk], min(chunks[chunk + 1], seen)):
-            i = order[n]
-            _fetch(packed, boxes, order[min(n + AHEAD, len(order) - 1)])
-            slot = first[i]
-            start, end = boxes[i, 0] // TILE_X, (boxes[i, 2] - 1) // TILE_X + 1
-            for column in range(start, end):
-                j = (column - start) % LANES
-                if j == 0:
-                    _spans(packed, i, column, s)
-                y0, y1 = _rows(s, boxes, i, j)
-                if y1 > y0:
-                    for row in range(y0 // TILE_Y, (y1 - 1) // TILE_Y + 1):
-                        place = cursor[chunk, row * tiles_x + column]
-                        cursor[chunk, row * tiles_x + column] += 1
-                        pairs[place, 0], pairs[place, 1] = i, slot
-                        pairs[place, 2] = max(y0 - row * TILE_Y, 0)
-                        pairs[place, 3] = min(y1 - row * TILE_Y, TILE_Y)
-                        slot += 1
+    for chunk in prange(len(counts)):
+        last, slot = -1, 0
+        for n in range(counts[chunk]):
+            i, tile = listed[chunk, n, 0], listed[chunk, n, 1]
+            slot = slot + 1 if i == last else first[i]
+            last = i
+            place = cursor[chunk, tile]
+            cursor[chunk, tile] += 1
+            pairs[place, 0], pairs[place, 1] = i, slot
+            pairs[place, 2], pairs[place, 3] = listed[chunk, n, 2], listed[chunk, n, 3]
 
 
 @kernel

@@ -22,8 +22,8 @@ from part2gs_robotics.render_bins import (
     TILE_X,
     TILE_Y,
     add_up,
-    count_pairs,
     depth_keys,
+    list_pairs,
     place_pairs,
     set_cursors,
     share_out,
@@ -191,14 +191,20 @@ def _pairs(packed: Floats, boxes: NDArray[np.int32], visible: NDArray[np.bool_],
     spans = work.take("spans", (threads, SPANS_SIZE), dtype)
     spans[:, RAMP:RAMP + LANES] = np.arange(LANES)
     histogram = work.take("histogram", (threads, tiles_x * tiles_y), np.int32)
-    first = work.take("first", (n + 1,), np.int64)
+    first, counts = work.take("first", (n + 1,), np.int64), np.zeros(threads, np.int64)
     first[0] = 0
-    count_pairs(order, seen, packed, boxes, tiles_x, chunks, spans, histogram, first)
+    while True:
+        listed = work.take("listed", (threads, work.room, PAIR), np.int32)
+        list_pairs(order, seen, packed, boxes, tiles_x, chunks, spans, listed, counts, histogram,
+                   first)
+        if counts.max() <= work.room:
+            break
+        work.room = int(1.25 * counts.max())  # as Workspace.take grows
     add_up(first)
     tile_first = work.take("tile_first", (tiles_x * tiles_y + 1,), np.int64)
     set_cursors(histogram, tile_first)
     table = work.take("pairs", (int(first[-1]), PAIR), np.int32)
-    place_pairs(order, seen, packed, boxes, tiles_x, chunks, spans, histogram, first, table)
+    place_pairs(listed, counts, histogram, first, table)
     shares = work.take("shares", (threads * PIECES + 1,), np.int64)
     share_out(tile_first, shares)
     return Pairs(tile_first, table, first, shares)

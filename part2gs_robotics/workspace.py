@@ -10,16 +10,19 @@ from numpy.typing import DTypeLike, NDArray
 
 from part2gs_robotics.render_jit import LINE
 
+ROOM = 1 << 15  # pairs, 0.5 MB: a small view of 14,000 Gaussians has 20,000; it grows as needed
+
 
 class Workspace:
     """Named buffers that grow and never shrink; what they hold is valid until they are taken again.
 
     Attributes:
         generation: number of renderings so far; tells whether a rendering's arrays still stand.
+        room: pairs of tile and Gaussian that each thread has room to list.
     """
 
     def __init__(self) -> None:
-        self.generation = 0
+        self.generation, self.room = 0, ROOM
         self._buffers: dict[str, NDArray[np.uint8]] = {}
 
     def take(self, name: str, shape: tuple[int, ...], dtype: DTypeLike) -> NDArray[Any]:

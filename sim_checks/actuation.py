@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -10,6 +11,7 @@ from numpy.typing import NDArray
 
 from part2gs_robotics.sim_checks.result import CheckResult, passed, row
 from part2gs_robotics.sim_checks.subject import DrivenJoint, Subject
+from part2gs_robotics.sim_checks.threads import in_threads
 
 if TYPE_CHECKING:
     import mujoco
@@ -47,18 +49,28 @@ class Drive:
 def check_actuation(subject: Subject) -> list[CheckResult]:
     """Drive every joint 5 % -> 95 % -> 5 % and return its rows."""
     rows: list[CheckResult] = []
+    driven = [joint for joint in subject.joints if _why_not(subject, joint) is None]
+    traces = in_threads([partial(drive, subject, joint) for joint in driven])
+    found = {joint.index: trace for joint, trace in zip(driven, traces, strict=True)}
     for joint in subject.joints:
-        if joint.servo < 0 or not joint.span > 0:
-            why = "no servo could be added: unnamed joint" if joint.servo < 0 else "range is empty"
-            rows.append(CheckResult("actuation", joint.name, "incomplete", detail=why))
-            continue
-        if 2 * (TRAVEL + HOLD) / subject.model.opt.timestep > MAX_STEPS:
-            step = subject.model.opt.timestep
-            why = f"time step {step:.2g} s needs more than {MAX_STEPS} steps"
-            rows.append(CheckResult("actuation", joint.name, "incomplete", detail=why))
-            continue
-        rows += _judge(subject, joint, drive(subject, joint))
+        if joint.index in found:
+            rows += _judge(subject, joint, found[joint.index])
+        else:
+            detail = _why_not(subject, joint) or ""
+            rows.append(CheckResult("actuation", joint.name, "incomplete", detail=detail))
     return rows
+
+
+def _why_not(subject: Subject, joint: DrivenJoint) -> str | None:
+    """Return why a joint cannot be driven, None if it can."""
+    if joint.servo < 0:
+        return "no servo could be added: unnamed joint"
+    if not joint.span > 0:
+        return "range is empty"
+    step = subject.model.opt.timestep
+    if 2 * (TRAVEL + HOLD) / step > MAX_STEPS:
+        return f"time step {step:.2g} s needs more than {MAX_STEPS} steps"
+    return None
 
 
 def drive(subject: Subject, joint: DrivenJoint) -> Drive:

@@ -59,7 +59,8 @@ def check(
             twin = folder is not None
             steps, poses = (QUICK_STEPS, QUICK_POSES) if quick else (steps, 64)
             report = _run(report, subject, summary, wanted, steps, poses, twin)
-    said = tuple(f"the engine warned: {line}" for line in distinct(messages))
+    # Sorted: which simulation speaks first is chance.
+    said = tuple(f"the engine warned: {line}" for line in sorted(distinct(messages)))
     return replace(report, notes=report.notes + said, seconds=time.perf_counter() - began)
 
 

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Collection
-from dataclasses import dataclass
+from copy import copy
+from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,8 +13,10 @@ from numpy.typing import NDArray
 from part2gs_robotics.sim_checks.actuation import HIGH, LOW, MAX_STEPS, start, warnings_of
 from part2gs_robotics.sim_checks.result import CheckResult, row
 from part2gs_robotics.sim_checks.subject import DrivenJoint, Subject
+from part2gs_robotics.sim_checks.threads import in_threads
 
 F64 = NDArray[np.float64]
+Run = tuple[int, float]  # what the time step is divided and the gain multiplied by
 SAME_END = 0.01  # of the range
 MOVE, REST = 1.0, 1.0  # s of ramp and of waiting
 HALVINGS = (1, 2, 4)
@@ -38,34 +42,49 @@ def check_stability(subject: Subject, stuck: Collection[str] = ()) -> list[Check
         subject: the model under test.
         stuck: joints that cannot travel; where a jam rests says nothing about the step.
     """
-    rows: list[CheckResult] = []
-    for joint in subject.joints:
-        if joint.servo < 0 or not joint.span > 0:
-            continue  # the actuation rows already say so
-        if joint.name in stuck:
+    rows, step = list[CheckResult](), subject.model.opt.timestep
+    driven = [j for j in subject.joints if j.servo >= 0 and j.span > 0]  # actuation told the rest
+    free = [j for j in driven if j.name not in stuck]
+    short = (MOVE + REST) * HALVINGS[-1] / step > MAX_STEPS
+    ends = _ends(subject, [] if short else free)
+    for joint in driven:
+        if joint not in free:
             why = "not run: the joint does not travel"
             rows.append(CheckResult("time step", joint.name, "skipped", detail=why))
-            continue
-        if (MOVE + REST) * HALVINGS[-1] / subject.model.opt.timestep > MAX_STEPS:
-            why = f"time step {subject.model.opt.timestep:.2g} s is too small to halve twice"
+        elif short:
+            why = f"time step {step:.2g} s is too small to halve twice"
             rows.append(CheckResult("time step", joint.name, "incomplete", detail=why))
-            continue
-        rows += _vary(subject, joint)
-    return [*rows, *_hold(subject), *_energy(subject)]
+        else:
+            rows += _vary(step, joint, ends[joint.index])
+    rest = in_threads([partial(_hold, subject), partial(_energy, subject)])
+    return [*rows, *rest[0], *rest[1]]
 
 
-def _vary(subject: Subject, joint: DrivenJoint) -> list[CheckResult]:
+def _ends(subject: Subject, joints: list[DrivenJoint]) -> dict[int, dict[Run, End]]:
+    """Return by joint, and by what the step is divided and the gain multiplied by, where it ends.
+
+    The longest run first, so that none is waited for at the end.
+    """
     step = subject.model.opt.timestep
-    ends = {n: run_to_end(subject, joint, step / n, 1.0) for n in HALVINGS}
+    runs = [(j, (n, 1.0)) for n in reversed(HALVINGS) for j in joints]
+    runs += [(j, (1, GAIN)) for j in joints if not j.ours]
+    ends = in_threads([partial(run_to_end, subject, j, step / n, gain) for j, (n, gain) in runs])
+    found: dict[int, dict[Run, End]] = {j.index: {} for j in joints}
+    for (joint, run), end in zip(runs, ends, strict=True):
+        found[joint.index][run] = end
+    return found
+
+
+def _vary(step: float, joint: DrivenJoint, ends: dict[Run, End]) -> list[CheckResult]:
     rows = []
     for n in HALVINGS[1:]:
         detail = f"h/{n} = {step / n:.3g} s against h = {step:.3g} s"
-        rows.append(_compare("time step", joint, ends[1], ends[n], detail))
+        rows.append(_compare("time step", joint, ends[1, 1.0], ends[n, 1.0], detail))
     if joint.ours:
         detail = "the servo is the check's own"
         return [*rows, CheckResult("gain x 100", joint.name, "skipped", detail=detail)]
-    stiff = run_to_end(subject, joint, step, GAIN)
-    return [*rows, _compare("gain x 100", joint, ends[1], stiff, f"at h = {step:.3g} s")]
+    detail = f"at h = {step:.3g} s"
+    return [*rows, _compare("gain x 100", joint, ends[1, 1.0], ends[1, GAIN], detail)]
 
 
 def _compare(name: str, joint: DrivenJoint, a: End, b: End, detail: str) -> CheckResult:
@@ -83,30 +102,23 @@ def _known(value: float) -> float | None:
 
 
 def run_to_end(subject: Subject, joint: DrivenJoint, step: float, gain: float) -> End:
-    """Ramp one joint from 5 % to 95 % and return where it rests.
-
-    The model is put back as it was; its own time step and gains are never changed for good.
-    """
+    """Ramp one joint from 5 % to 95 % and return where it rests; the model stays as it is."""
     import mujoco
 
-    model, a = subject.model, joint.servo
-    kept = model.opt.timestep, model.actuator_gainprm.copy(), model.actuator_biasprm.copy()
-    try:
-        model.opt.timestep = step
-        model.actuator_gainprm[a, 0] *= gain
-        model.actuator_biasprm[a, 1] *= gain
-        model.actuator_biasprm[a, 2] *= np.sqrt(gain)
-        data = start(subject, joint, LOW)
-        per_command = max(1, round(MOVE / COMMANDS / step))
-        for k in range(1, COMMANDS + 1):
-            share = LOW + (HIGH - LOW) * k / COMMANDS
-            data.ctrl[a] = joint.low + share * joint.span
-            mujoco.mj_step(model, data, per_command)
-        mujoco.mj_step(model, data, round(REST / step))
-        return End(float(data.qpos[joint.qpos]), warnings_of(data))
-    finally:
-        model.opt.timestep = kept[0]
-        model.actuator_gainprm[:], model.actuator_biasprm[:] = kept[1], kept[2]
+    model, a = copy(subject.model), joint.servo
+    subject = replace(subject, model=model)
+    model.opt.timestep = step
+    model.actuator_gainprm[a, 0] *= gain
+    model.actuator_biasprm[a, 1] *= gain
+    model.actuator_biasprm[a, 2] *= np.sqrt(gain)
+    data = start(subject, joint, LOW)
+    per_command = max(1, round(MOVE / COMMANDS / step))
+    for k in range(1, COMMANDS + 1):
+        share = LOW + (HIGH - LOW) * k / COMMANDS
+        data.ctrl[a] = joint.low + share * joint.span
+        mujoco.mj_step(model, data, per_command)
+    mujoco.mj_step(model, data, round(REST / step))
+    return End(float(data.qpos[joint.qpos]), warnings_of(data))
 
 
 def _hold(subject: Subject) -> list[CheckResult]:
@@ -146,19 +158,16 @@ def _energy(subject: Subject) -> list[CheckResult]:
 
     if not subject.joints:
         return []
-    model, data = subject.model, mujoco.MjData(subject.model)
-    flags = model.opt.disableflags, model.opt.enableflags
-    try:
-        model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_ACTUATION)
-        model.opt.enableflags |= int(mujoco.mjtEnableBit.mjENBL_ENERGY)
-        mujoco.mj_forward(model, data)
-        first, highest = float(data.energy.sum()), -np.inf
-        for _ in range(40):
-            mujoco.mj_step(model, data, max(1, round(0.05 / model.opt.timestep)))
-            highest = max(highest, float(data.energy.sum()))
-        said = warnings_of(data)
-    finally:
-        model.opt.disableflags, model.opt.enableflags = flags
+    model = copy(subject.model)
+    data = mujoco.MjData(model)
+    model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_ACTUATION)
+    model.opt.enableflags |= int(mujoco.mjtEnableBit.mjENBL_ENERGY)
+    mujoco.mj_forward(model, data)
+    first, highest = float(data.energy.sum()), -np.inf
+    for _ in range(40):
+        mujoco.mj_step(model, data, max(1, round(0.05 / model.opt.timestep)))
+        highest = max(highest, float(data.energy.sum()))
+    said = warnings_of(data)
     gravity = float(np.linalg.norm(model.opt.gravity)) or 9.81
     scale = float(model.body_subtreemass[0]) * gravity * subject.size
     gained = (highest - first) / max(scale, 1e-300)

@@ -16,6 +16,7 @@ from part2gs_robotics.labelling import (
     build_graph,
     energy_of,
     label,
+    roughly,
     unary_costs,
 )
 from part2gs_robotics.landing import FREE_COST
@@ -118,6 +119,9 @@ def test_the_better_start_wins(width):
     alone = [label(unary, graph, starts=(lean,))[1] for lean in STARTS]
     assert energy == min(alone)
     assert (alone[0] < alone[1]) == (width == 10)
+    hard, rough, better = roughly(unary, graph)
+    assert better == STARTS[width == 40], "one sweep per step tells the starts apart"
+    assert rough == energy_of(unary, graph, hard)
 
 
 def test_the_graph_stays_within_a_state_and_prefers_alike_normals(slid):

@@ -37,6 +37,22 @@ def test_results_are_those_of_fresh_buffers() -> None:
                                       render_backward(fresh, d_color).means)
 
 
+def test_lists_of_pairs_grow_to_what_is_asked_for() -> None:
+    tight = Workspace()
+    tight.room = 1
+    ours, fresh = drawn(0, tight), drawn(0, None)
+    np.testing.assert_array_equal(ours.color, fresh.color)
+    one, other = ours.saved.pairs, fresh.saved.pairs
+    np.testing.assert_array_equal(one.table, other.table)
+    np.testing.assert_array_equal(one.first, other.first)
+    # Every pair of a Gaussian has a place of its own among the Gaussian's.
+    places = one.table[:, 1]
+    assert sorted(places) == list(range(len(places)))
+    assert (one.first[one.table[:, 0]] <= places).all()
+    assert (places < one.first[one.table[:, 0] + 1]).all()
+    assert tight.room > 1
+
+
 def test_nothing_is_allocated_once_the_buffers_have_grown() -> None:
     work, d_color = Workspace(), np.ones((SIDE, SIDE, 3), np.float32)
     arrays = scene(0)
