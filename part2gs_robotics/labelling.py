@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numba
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import csr_matrix
 from scipy.spatial import cKDTree
 
 from part2gs_robotics import se3
@@ -18,6 +19,7 @@ from part2gs_robotics.surfels import Surfels
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
 NEIGHBORS = 10  # of the surfel graph: a full ring on a surface sampled by voxels
+THROUGH = 0.0  # cosine of normals: a way goes round an edge, not through a thin wall
 SMOOTHNESS = 0.12  # per neighbour: ten neighbours outvote a neutral surfel, not a clear one
 NEUTRAL_COST = (
     0.3  # landing unobserved: a part is proven by contradictions it removes, not by what it hides
@@ -65,6 +67,19 @@ def build_graph(states: tuple[Surfels, Surfels]) -> Graph:
         offset += len(s)
     # Half the memory of 64-bit numbers: a sweep waits for the neighbours' lines.
     return Graph(np.concatenate(ids).astype(np.int32), np.concatenate(weights).astype(np.float32))
+
+
+def ways_along(states: tuple[Surfels, Surfels], graph: Graph) -> csr_matrix:
+    """Return the distances between neighbouring surfels as a symmetric sparse matrix [N, N]."""
+    points = np.concatenate([s.points for s in states])
+    rows = np.repeat(np.arange(len(points)), graph.neighbors.shape[1])
+    cols = graph.neighbors.ravel()
+    gaps = np.linalg.norm(points[rows] - points[cols], axis=1)
+    normals = np.concatenate([s.normals for s in states])
+    same_side = (normals[rows] * normals[cols]).sum(1) > THROUGH
+    one_way = csr_matrix((gaps[same_side], (rows[same_side], cols[same_side])),
+                         shape=(len(points), len(points)))
+    return one_way.maximum(one_way.T)
 
 
 @inlined

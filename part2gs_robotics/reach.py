@@ -34,7 +34,6 @@ AGREED = 0.8  # of the neighbours of a proof are proofs too: similar grain prove
 SHELLS = 4  # times that is asked: patches less than four surfels wide are such chances
 KEPT = 0.25  # of a part's proofs at least: a drawer's front may be no wider than its handle
 REACH = 0.5  # of the diagonal, along the surface: farther apart all labels are equally far
-THROUGH = 0.0  # cosine of normals: a way goes round an edge, not through a thin wall
 # of the diagonal: at the end, ways to moving parts count as that much longer. A door touches its
 # frame at the hinge, and so is near to the room behind it (swept from 0 to 0.04 on nine scenes).
 STAYS = 0.03
@@ -56,7 +55,7 @@ def claim(judge: Judge, joints: list[Joint], hard: Labels,
     study = judge.study
     moves = [np.eye(4), *(move_of(j) for j in joints)]
     unary = unary_costs(moves, study.surfels, judge.lands, study.tau)
-    surface, extra = _surface(study), np.zeros_like(unary.match)
+    extra = np.zeros_like(unary.match)
     for turn in range(ROUNDS):
         costs = unary.cost(np.eye(len(moves))[hard])
         proofs = _proofs(costs, hard)
@@ -66,7 +65,7 @@ def claim(judge: Judge, joints: list[Joint], hard: Labels,
         if turn and stays:
             slides = np.array([False, *(j.kind == "prismatic" for j in joints)])
             cores |= _cores(_gone(costs, extra, hard) & slides, study.graph)
-        extra = _far(cores, surface, study.diag, stays)
+        extra = _far(cores, study.ways, study.diag, stays)
         extra += _passing(study, costs, proofs, joints)
         hard, _ = label(Unary(unary.match, unary.target, unary.miss, extra), study.graph)
     normals = np.concatenate([s.normals for s in study.surfels])
@@ -86,19 +85,6 @@ def _passing(study: Study, costs: F64, proofs: NDArray[np.bool_], joints: list[J
     out[asked] = passage_costs(points, normals, late, proofs, asked, joints, study.lands[0].voxel)
     out[costs[:, 0] < PROVEN, 0] = 0.0  # seen in one place in both states: nothing passed there
     return out
-
-
-def _surface(study: Study) -> csr_matrix:
-    """Return the distances between neighbouring surfels as a symmetric sparse matrix."""
-    points = np.concatenate([s.points for s in study.surfels])
-    neighbors = study.graph.neighbors
-    rows, cols = np.repeat(np.arange(len(points)), neighbors.shape[1]), neighbors.ravel()
-    gaps = np.linalg.norm(points[rows] - points[cols], axis=1)
-    normals = np.concatenate([s.normals for s in study.surfels])
-    same_side = (normals[rows] * normals[cols]).sum(1) > THROUGH
-    one_way = csr_matrix((gaps[same_side], (rows[same_side], cols[same_side])),
-                         shape=(len(points), len(points)))
-    return one_way.maximum(one_way.T)
 
 
 def _proofs(costs: F64, hard: Labels) -> NDArray[np.bool_]:

@@ -7,6 +7,7 @@ from functools import cached_property, partial
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import csr_matrix
 from scipy.spatial import cKDTree
 
 from part2gs_robotics.align import Clues
@@ -17,11 +18,11 @@ from part2gs_robotics.evidence import DepthMaps, observe, render_depth_maps
 from part2gs_robotics.faces import flat_faces
 from part2gs_robotics.gaussians import Gaussians
 from part2gs_robotics.guides import Guides, guides_of
-from part2gs_robotics.labelling import Graph, build_graph
+from part2gs_robotics.labelling import Graph, build_graph, ways_along
 from part2gs_robotics.landing import Landing, build_landing
 from part2gs_robotics.motion_refine import distances
 from part2gs_robotics.motion_select import FINE_TAU, Evidence
-from part2gs_robotics.scene import Scene
+from part2gs_robotics.scene import Scene, StateViews
 from part2gs_robotics.segments import Segments, segments_of
 from part2gs_robotics.shading import Light, light_of, unshaded
 from part2gs_robotics.side_by_side import side_by_side
@@ -81,6 +82,11 @@ class Study:
         """Flat faces and straight edges of both states."""
         return flat_faces(self.surfels, self.diag, np.random.default_rng(0)) + self.straight
 
+    @cached_property
+    def ways(self) -> csr_matrix:
+        """[N0 + N1, N0 + N1] distances between neighbouring surfels, along the surface."""
+        return ways_along(self.surfels, self.graph)
+
     def clues(self, labels: tuple[NDArray[np.int64], NDArray[np.int64]], count: int) -> Clues:
         """Return what draws the joints of parts 1..count, from labels of the Gaussians."""
         return Clues(self.guides, part_edges(self.segments, self.maps, self.gaussians, labels,
@@ -128,7 +134,8 @@ def gather(scene: Scene, gaussians: tuple[Gaussians, Gaussians],
         render_depth_maps(gaussians[1], scene.states[1]),
     )
     rough, size = _rough_diagonal(gaussians), config.surfel_size
-    painted = [_own_surface(maps[s], scene.states[s].images, rough, size) for s in (0, 1)]
+    painted = side_by_side([partial(_own_surface, maps[s], scene.states[s].images, rough, size)
+                            for s in (0, 1)])
     _require_surface(painted[0].points, painted[1].points)
     shades = light_of((painted[0], painted[1]))
     surfels = [unshaded(s, shades) for s in painted]
@@ -136,7 +143,8 @@ def gather(scene: Scene, gaussians: tuple[Gaussians, Gaussians],
     lo, hi = points.min(0), points.max(0)
     diag = float(np.linalg.norm(hi - lo))
     box = lo - MARGIN * diag, hi + MARGIN * diag
-    targets = [_as_target(surfels[s], maps[s], maps[1 - s], box, size, diag) for s in (0, 1)]
+    targets = side_by_side([partial(_as_target, surfels[s], maps[s], maps[1 - s], box, size, diag)
+                            for s in (0, 1)])
     nearest = [
         np.asarray(cKDTree(surfels[s].points).query(gaussians[s].means)[1], np.int64)
         for s in (0, 1)
@@ -144,8 +152,8 @@ def gather(scene: Scene, gaussians: tuple[Gaussians, Gaussians],
     normals = [surfels[s].normals[nearest[s]] for s in (0, 1)]
     views = [small_views(state, config.proof_views, config.proof_side) for state in scene.states]
     pair = surfels[0], surfels[1]
-    shown = [without_unseen(g, small_views(state, VIEWS, SIDE))
-             for g, state in zip(gaussians, scene.states, strict=True)]
+    shown = side_by_side([partial(_seen, *pair) for pair in
+                          zip(gaussians, scene.states, strict=True)])
     return Study(
         (shown[0], shown[1]),
         maps,
@@ -160,6 +168,10 @@ def gather(scene: Scene, gaussians: tuple[Gaussians, Gaussians],
         Light(shades, (normals[0], normals[1])),
         _straight(scene),
     )
+
+
+def _seen(gaussians: Gaussians, state: StateViews) -> Gaussians:
+    return without_unseen(gaussians, small_views(state, VIEWS, SIDE))
 
 
 def _rough_diagonal(gaussians: tuple[Gaussians, Gaussians]) -> float:

@@ -6,10 +6,11 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from scipy.sparse import csr_matrix
 
 from part2gs_robotics import reach
 from part2gs_robotics.joints import Joint
-from part2gs_robotics.labelling import FOREIGN_COST, NEUTRAL_COST, Graph, Unary
+from part2gs_robotics.labelling import FOREIGN_COST, NEUTRAL_COST, Graph, Unary, ways_along
 from part2gs_robotics.reach import (
     FAR_COST,
     LEAD,
@@ -20,7 +21,6 @@ from part2gs_robotics.reach import (
     _far,
     _gone,
     _proofs,
-    _surface,
     claim,
 )
 
@@ -41,6 +41,10 @@ def row_of_surfels(gap_after: int | None = None) -> SimpleNamespace:
     return SimpleNamespace(surfels=states, graph=graph)
 
 
+def ways_of(study: SimpleNamespace) -> csr_matrix:
+    return ways_along(study.surfels, study.graph)
+
+
 def ends() -> np.ndarray:
     proven = np.zeros((COUNT, 2), bool)
     proven[0, 0] = proven[-1, 1] = True
@@ -48,7 +52,7 @@ def ends() -> np.ndarray:
 
 
 def test_the_nearer_end_wins_if_the_part_is_clearly_nearer_than_the_base() -> None:
-    far = _far(ends(), _surface(row_of_surfels()), 10 / LEAD, STAYS)
+    far = _far(ends(), ways_of(row_of_surfels()), 10 / LEAD, STAYS)
     index = np.arange(COUNT)
     nearer = 2 * index - (COUNT - 1) - 10 * STAYS / LEAD  # the part than the base, in surfels
     np.testing.assert_allclose(far[:, 0], FAR_COST * np.clip(nearer / 10, 0, 1))
@@ -57,7 +61,7 @@ def test_the_nearer_end_wins_if_the_part_is_clearly_nearer_than_the_base() -> No
 
 def test_between_moving_parts_the_middle_is_a_tie() -> None:
     proven = np.insert(ends(), 0, False, axis=1)  # a base that is nowhere
-    far = _far(proven, _surface(row_of_surfels()), 10 / LEAD, STAYS)
+    far = _far(proven, ways_of(row_of_surfels()), 10 / LEAD, STAYS)
     index = np.arange(COUNT)
     lead = np.clip((2 * index - (COUNT - 1)) / 10, 0, 1)  # how much nearer the far end is
     np.testing.assert_allclose(far[:, 1], FAR_COST * lead)
@@ -65,12 +69,12 @@ def test_between_moving_parts_the_middle_is_a_tie() -> None:
 
 
 def test_what_no_proof_reaches_stays() -> None:
-    far = _far(np.zeros((COUNT, 2), bool), _surface(row_of_surfels()), 100.0, STAYS)
+    far = _far(np.zeros((COUNT, 2), bool), ways_of(row_of_surfels()), 100.0, STAYS)
     np.testing.assert_allclose(far, np.tile([0.0, FAR_COST], (COUNT, 1)))
 
 
 def test_a_gap_cannot_be_crossed() -> None:
-    far = _far(ends(), _surface(row_of_surfels(gap_after=9)), 100.0, STAYS)
+    far = _far(ends(), ways_of(row_of_surfels(gap_after=9)), 100.0, STAYS)
     np.testing.assert_allclose(far[:10], np.tile([0.0, FAR_COST], (10, 1)))
     np.testing.assert_allclose(far[11:], np.tile([FAR_COST, 0.0], (COUNT - 11, 1)))
 
@@ -78,7 +82,7 @@ def test_a_gap_cannot_be_crossed() -> None:
 def test_a_way_does_not_lead_through_a_wall() -> None:
     study = row_of_surfels()
     study.surfels[1].normals[:] *= -1.0  # the other half faces away
-    far = _far(ends(), _surface(study), 100.0, STAYS)
+    far = _far(ends(), ways_of(study), 100.0, STAYS)
     np.testing.assert_allclose(far[:20], np.tile([0.0, FAR_COST], (20, 1)))
     np.testing.assert_allclose(far[20:], np.tile([FAR_COST, 0.0], (COUNT - 20, 1)))
 
