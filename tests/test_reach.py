@@ -127,7 +127,7 @@ def test_what_hangs_on_a_pulled_out_floor_is_the_drawers_and_no_rooms_wall_is_th
     costs[20:33] = 1.0, NEUTRAL_COST
     none = np.full(costs.shape, -1)
     study = row_of_surfels()
-    study.tau, study.diag = 0.0, 60.0
+    study.tau, study.diag, study.ways = 0.0, 60.0, ways_of(study)
     monkeypatch.setattr(reach, "unary_costs", lambda *_: Unary(costs, none, costs))
     monkeypatch.setattr(reach, "_passing", lambda *_: np.zeros(costs.shape))
     monkeypatch.setattr(reach, "joined", lambda hard, *_: hard)
@@ -147,8 +147,9 @@ def test_a_hidden_side_goes_with_the_part_it_hangs_on(slid) -> None:
 
     pair = tuple(s.surfels for s in slid.states)
     lands = tuple(s.land for s in slid.states)
-    study = SimpleNamespace(surfels=pair, lands=lands, graph=build_graph(pair), tau=0.03, diag=1.0,
-                            straight=guides_of([]))
+    graph = build_graph(pair)
+    study = SimpleNamespace(surfels=pair, lands=lands, graph=graph, tau=0.03, diag=1.0,
+                            ways=ways_along(pair, graph), straight=guides_of([]))
     joint = Joint("prismatic", slid.axis, np.array([0.2, 0.3, 0.4]), slid.value)
     judge = Judge(study)  # type: ignore[arg-type]
     start = np.zeros(len(pair[0]) + len(pair[1]), np.int64)
