@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from part2gs_robotics.sim_checks.result import CheckResult, passed, row
 from part2gs_robotics.sim_checks.subject import DrivenJoint, Subject
-from part2gs_robotics.sim_checks.threads import in_threads
+from part2gs_robotics.threads import in_threads
 
 if TYPE_CHECKING:
     import mujoco

@@ -1,4 +1,7 @@
-"""Simulations side by side: while the engine steps, Python is free for the next one."""
+"""Tasks in threads: while a simulation steps or an image is decoded, Python is free for another.
+
+For what uses one core each; `side_by_side` is for tasks that share out the threads of kernels.
+"""
 
 from __future__ import annotations
 
@@ -14,12 +17,12 @@ def in_threads(tasks: Sequence[Callable[[], T]]) -> list[T]:
     """Return what the tasks return, in order; as many run at once as there are cores.
 
     Args:
-        tasks: that share a model only to read it; one that changes it takes a copy.
+        tasks: that share what they use only to read it; one that changes it takes a copy.
     """
     threads = min(len(tasks), _cores())
     if threads < 2:
         return [task() for task in tasks]
-    with ThreadPoolExecutor(threads, "simulation") as pool:
+    with ThreadPoolExecutor(threads, "task") as pool:
         waiting = [pool.submit(task) for task in tasks]
         try:
             return [one.result() for one in waiting]

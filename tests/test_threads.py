@@ -9,11 +9,12 @@ from pathlib import Path
 import mujoco
 import pytest
 
+from part2gs_robotics import threads
 from part2gs_robotics.engine import distinct, engine_messages
 from part2gs_robotics.exporters.mjcf import write_mjcf
-from part2gs_robotics.sim_checks import check, threads
-from part2gs_robotics.sim_checks.threads import in_threads
+from part2gs_robotics.sim_checks import check
 from part2gs_robotics.synth import toy_cabinet_twin
+from part2gs_robotics.threads import in_threads
 
 UNSTABLE = """<mujoco><worldbody><body name="lid">
 <joint name="j" type="slide" range="0 1" limited="true" stiffness="-1e15"/>
