@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import dijkstra
 
+from part2gs_robotics import se3
 from part2gs_robotics.islands import joined
 from part2gs_robotics.joint_fit import move_of
 from part2gs_robotics.joints import Joint
@@ -69,9 +70,18 @@ def claim(judge: Judge, joints: list[Joint], hard: Labels,
         extra += _passing(study, costs, proofs, joints)
         hard, _ = label(Unary(unary.match, unary.target, unary.miss, extra), study.graph)
     normals = np.concatenate([s.normals for s in study.surfels])
-    hard = joined(hard, unary, study.graph, normals)
+    hard = joined(hard, unary, study.graph, normals, _carried_by(study, moves),
+                  len(study.surfels[0].points))
     costs = unary.cost(np.eye(len(moves))[hard]) + extra
     return hard, costs
+
+
+def _carried_by(study: Study, moves: list[F64]) -> F64:
+    """Return [N0 + N1, L] how far every motion carries surfels, diagonals of the object."""
+    back = [se3.inverse(move) for move in moves]
+    return np.concatenate([
+        np.stack([np.linalg.norm(se3.apply(m, s.points) - s.points, axis=1) for m in there], 1)
+        for s, there in zip(study.surfels, (moves, back), strict=True)]) / study.diag
 
 
 def _passing(study: Study, costs: F64, proofs: NDArray[np.bool_], joints: list[Joint]) -> F64:
