@@ -10,7 +10,9 @@ import pytest
 
 from part2gs_robotics import se3
 from part2gs_robotics.decide import (
+    NEARLY,
     _further,
+    _otherwise,
     _two_at_once,
     decide,
 )
@@ -195,6 +197,19 @@ def test_what_pays_but_is_spoken_against_is_taken_with_one_more(judge, right, lo
     assert found.improves(none)
     cheap = replace(right, image_cost=right.image_cost - 0.5)
     assert _further(judge, cheap, first, look_alikes.truth, True, silent) is cheap
+
+
+@pytest.mark.parametrize(("paid", "taken"), [(NEARLY + 0.1, 2), (NEARLY - 0.1, 0)])
+def test_of_two_look_alikes_the_first_need_only_nearly_pay(judge, look_alikes, monkeypatch, paid,
+                                                          taken):
+    """The first hides most of what both leave; what the second saves is the proof of both."""
+    first = judge.judge([look_alikes.truth[0]])
+    saved = paid * judge.price(first, first.cost)
+    best = replace(first, motions=(), image_cost=first.image_cost + saved)
+    monkeypatch.setattr("part2gs_robotics.decide.split", lambda _judge, verdict, *_: verdict)
+    found = _otherwise(judge, best, first, look_alikes.truth, True, paid, silent)
+    assert len(found.motions) == taken
+    assert taken == 0 or found.improves(best)
 
 
 def test_two_slides_are_found_where_one_between_them_does_not_pay(judge, right, look_alikes,
