@@ -196,7 +196,7 @@ def settled_motion(
     from part2gs_robotics.part_labels import labels_under, part_probs, start_labels
     from part2gs_robotics.part_tree import flat
     from part2gs_robotics.physics_terms import part_diagnostics, physical_steps
-    from part2gs_robotics.prune import joint_of
+    from part2gs_robotics.prune import joint_of, unpaid
     from part2gs_robotics.reach import STAYS
     from part2gs_robotics.small_views import both_small
 
@@ -215,6 +215,7 @@ def settled_motion(
         sharp = both_small(scene.states, search.align_views, search.sharp_side)
         tree = nest(judge, joints, hard, config, (views, sharp), verdict.pool)
     joints, parents = tree.joints, tree.parents
+    idle = unpaid(judge, tree) if config.parts and not config.paper_mode else []
     clock.tick("alignment", 4, len(joints))
     # Only now: used while joints were still aligned, it cost one scene a door.
     hard, costs = labels_under(judge, joints, tree.hard, config, STAYS)
@@ -224,16 +225,20 @@ def settled_motion(
                         for row, n in zip(diagnostics, tree.known, strict=True))
     clock.tick("identity", 5, len(joints))
     alone = tuple(replace(j, carrier=None) for j in joints)  # the parents say it from here on
-    notes = (*notes, *_about_number(config.parts, len(joints), verdict.short))
+    notes = (*notes, *_about_number(config.parts, len(joints), verdict.short, idle))
     return Motion(probs, alone, parents, diagnostics, notes, clock.seconds)
 
 
-def _about_number(asked: int | None, found: int, short: bool) -> list[str]:
+def _about_number(asked: int | None, found: int, short: bool, idle: list[int]) -> list[str]:
     """Return what to say where the number of parts asked for is wrong."""
     notes = []
     if asked and asked != found:
         notes.append(f"--parts asks for {asked} moving parts; only {found} are "
                      "rigid bodies of their own, the others were left out.")
+    if idle:
+        names = ", ".join(f"part_{k}" for k in idle)
+        notes.append(f"--parts asks for {asked} moving parts; {names} would not be found without "
+                     "it: the photos gain too little. Leave --parts out to have the number found.")
     if short:
         notes.append(f"--parts asks for {asked} moving parts; one more would explain what now "
                      "looks wrong. Leave --parts out to have the number found.")

@@ -75,6 +75,19 @@ def pruned(judge: Judge, tree: Tree) -> Tree:
     return tree
 
 
+def unpaid(judge: Judge, tree: Tree) -> list[int]:
+    """Return the numbers of parts that save less than a part must, beside all others."""
+    if len(tree.joints) < 2:
+        return []
+    now = judge.judge([hypothesis_of(j) for j in tree.joints])
+    found = []
+    for k in range(len(tree.joints)):
+        rest, gain, price = _gain(judge, now, k)
+        if k + 1 not in tree.parents and (gain < price or not now.improves(rest)):
+            found.append(k + 1)
+    return found
+
+
 def _without(tree: Tree, k: int, rest: Verdict) -> Tree:
     parents = tree.parents[:k] + tree.parents[k + 1:]
     return Tree(tree.joints[:k] + tree.joints[k + 1:], tuple(p - (p > k + 1) for p in parents),

@@ -116,7 +116,12 @@ def test_when_nothing_moves_the_message_says_what_where_and_what_to_do(toy):
     (1, 1, True, ["one more"]),
 ])
 def test_a_wrong_number_of_parts_is_told(asked, found, short, words):
-    notes = _about_number(asked, found, short)
+    notes = _about_number(asked, found, short, [])
     assert len(notes) == len(words)
     assert all(word in note and f"asks for {asked}" in note
                for word, note in zip(words, notes, strict=True))
+
+
+def test_parts_that_gain_too_little_are_named():
+    (note,) = _about_number(4, 4, False, [2, 3])
+    assert "4 moving parts; part_2, part_3 would not be found" in note

@@ -27,6 +27,7 @@ from part2gs_robotics.prune import (
     hopeful,
     pruned,
     regrown,
+    unpaid,
 )
 
 SIGMAS = pytest.mark.parametrize("sigma", [0.1, np.inf, np.nan])
@@ -116,6 +117,15 @@ def test_one_part_must_stay(judge, look_alikes, parts):
     both = tree_of(judge, look_alikes, *(replace(j, seen=(np.inf, np.inf)) for j in (first, copy)))
     assert len(held(judge, both).joints) >= 1
     assert len(pruned(judge, tree_of(judge, look_alikes, first)).joints) == 1
+
+
+def test_parts_that_save_too_little_are_told_by_number(judge, look_alikes, parts):
+    first, second, copy = parts
+    assert unpaid(judge, tree_of(judge, look_alikes, first, second)) == []
+    assert unpaid(judge, tree_of(judge, look_alikes, first, second, copy)) in ([1, 3], [3])
+    assert unpaid(judge, tree_of(judge, look_alikes, copy)) == [], "the last one moves"
+    carrier = replace(tree_of(judge, look_alikes, second, first, copy), parents=(0, 0, 2))
+    assert 2 not in unpaid(judge, carrier)
 
 
 def test_a_copy_no_longer_pays(judge, look_alikes, parts):
