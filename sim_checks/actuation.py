@@ -49,15 +49,14 @@ class Drive:
 def check_actuation(subject: Subject) -> list[CheckResult]:
     """Drive every joint 5 % -> 95 % -> 5 % and return its rows."""
     rows: list[CheckResult] = []
-    driven = [joint for joint in subject.joints if _why_not(subject, joint) is None]
-    traces = in_threads([partial(drive, subject, joint) for joint in driven])
-    found = {joint.index: trace for joint, trace in zip(driven, traces, strict=True)}
-    for joint in subject.joints:
-        if joint.index in found:
-            rows += _judge(subject, joint, found[joint.index])
+    hindered = [_why_not(subject, joint) for joint in subject.joints]
+    driven = [joint for joint, why in zip(subject.joints, hindered, strict=True) if not why]
+    traces = iter(in_threads([partial(drive, subject, joint) for joint in driven]))
+    for joint, why in zip(subject.joints, hindered, strict=True):
+        if why:
+            rows.append(CheckResult("actuation", joint.name, "incomplete", detail=why))
         else:
-            detail = _why_not(subject, joint) or ""
-            rows.append(CheckResult("actuation", joint.name, "incomplete", detail=detail))
+            rows += _judge(subject, joint, next(traces))
     return rows
 
 
