@@ -28,14 +28,19 @@ from ablation_variants import AVERAGED, variants
 from part2gs_robotics.articulate import Clock, found_motions, settled_motion
 from part2gs_robotics.config import ArticulateConfig, FitConfig, ReadConfig
 from part2gs_robotics.errors import Part2GSError
-from part2gs_robotics.fit import fit_state
-from part2gs_robotics.gaussians import Gaussians
-from part2gs_robotics.hashing import hash_of
-from part2gs_robotics.readers import read_scene
-from part2gs_robotics.saved import Fitted, load_fit, save_fit
-from part2gs_robotics.scene import Scene
-from part2gs_robotics.scene_frame import frame_of, gaussians_in_scene, internal, joint_in_scene
-from part2gs_robotics.store import Store, write_text_atomic
+from part2gs_robotics.fit.fit_state import fit_state
+from part2gs_robotics.model.gaussians import Gaussians
+from part2gs_robotics.model.scene import Scene
+from part2gs_robotics.model.scene_frame import (
+    frame_of,
+    gaussians_in_scene,
+    internal,
+    joint_in_scene,
+)
+from part2gs_robotics.readers.read_scene import read_scene
+from part2gs_robotics.runtime.hashing import hash_of
+from part2gs_robotics.runtime.store import Store, write_text_atomic
+from part2gs_robotics.stages import Fitted, load_fit, save_fit
 
 OBJECTS = ("sektion_cabinet", "libero_wooden_cabinet", "pm_31249_table")
 

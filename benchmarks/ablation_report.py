@@ -17,7 +17,7 @@ from ablation_statistics import Paired, holm, paired, together, verdict
 from ablation_variants import AVERAGED, NAMES, PRINTED, SWITCHES, comparisons
 from raster_machine import commit
 
-from part2gs_robotics.store import write_text_atomic
+from part2gs_robotics.runtime.store import write_text_atomic
 
 ROOT = Path(__file__).resolve().parents[1]
 RESULTS = ROOT / "benchmarks/results/ablation.json"

@@ -16,12 +16,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from part2gs_robotics import se3
-from part2gs_robotics.articulate import Motion
-from part2gs_robotics.canonical import canonical_field
-from part2gs_robotics.gaussians import Gaussians
-from part2gs_robotics.identity import part_motions
-from part2gs_robotics.se3 import rotation_from_quats
+from part2gs_robotics.evidence.canonical import canonical_field
+from part2gs_robotics.model import se3
+from part2gs_robotics.model.gaussians import Gaussians
+from part2gs_robotics.model.kinematics import part_motions
+from part2gs_robotics.model.motion import Motion
+from part2gs_robotics.model.se3 import rotation_from_quats
 
 F64 = NDArray[np.float64]
 Mesh = tuple[F64, NDArray[np.int64]]

@@ -20,11 +20,11 @@ import numpy as np
 from numpy.typing import NDArray
 from reconstruction_suite import insert
 
-from part2gs_robotics.askew import square
 from part2gs_robotics.config import resolve
-from part2gs_robotics.edges import bundled, edge_families
-from part2gs_robotics.readers import read_scene
-from part2gs_robotics.segments import segments_of
+from part2gs_robotics.decide.made_joints import square
+from part2gs_robotics.evidence.edges import bundled, edge_families
+from part2gs_robotics.evidence.segments import segments_of
+from part2gs_robotics.readers.read_scene import read_scene
 
 ROOT = Path(__file__).resolve().parents[1]
 RESULTS, PAGE = ROOT / "benchmarks/results/edges.json", ROOT / "docs/edges.md"

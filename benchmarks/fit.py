@@ -17,10 +17,10 @@ import numba
 import numpy as np
 
 from part2gs_robotics.config import ReadConfig
-from part2gs_robotics.fit import FitConfig, FitResult, fit_state
-from part2gs_robotics.readers import read_scene
-from part2gs_robotics.render_cpu import render
-from part2gs_robotics.scene import StateViews
+from part2gs_robotics.fit.fit_state import FitConfig, FitResult, fit_state
+from part2gs_robotics.model.scene import StateViews
+from part2gs_robotics.readers.read_scene import read_scene
+from part2gs_robotics.render.cpu import render
 
 
 def depth_error(state: StateViews, result: FitResult) -> dict[str, float]:

@@ -9,10 +9,10 @@ import sys
 
 import numpy as np
 
-from part2gs_robotics.gaussians import Gaussians
-from part2gs_robotics.identity import IdentityConfig, refine_identities
-from part2gs_robotics.joints import Joint
-from part2gs_robotics.se3 import apply, quat_from_rotation
+from part2gs_robotics.model.gaussians import Gaussians
+from part2gs_robotics.model.joint import Joint
+from part2gs_robotics.model.se3 import apply, quat_from_rotation
+from part2gs_robotics.paper.identity import IdentityConfig, refine_identities
 
 STEP = 0.02
 HINGE = Joint("revolute", np.array([0.0, 0, 1]), np.array([0.2, 0, 0]), -np.deg2rad(70))

@@ -23,15 +23,14 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from part2gs_robotics import se3
-from part2gs_robotics.align import align
-from part2gs_robotics.cross_render import move_gaussians
-from part2gs_robotics.gaussians import SH_C0, Gaussians
-from part2gs_robotics.joint_fit import move_of
-from part2gs_robotics.joints import Joint
-from part2gs_robotics.render import render
-from part2gs_robotics.small_views import SmallViews
-from part2gs_robotics.workspace import Workspace
+from part2gs_robotics.decide.cross_render import move_gaussians
+from part2gs_robotics.joints.align import align
+from part2gs_robotics.model import se3
+from part2gs_robotics.model.gaussians import SH_C0, Gaussians
+from part2gs_robotics.model.joint import Joint, move_of
+from part2gs_robotics.model.small_views import SmallViews
+from part2gs_robotics.render.dispatch import render
+from part2gs_robotics.runtime.buffers import Workspace
 
 F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]

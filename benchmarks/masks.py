@@ -22,10 +22,10 @@ from numpy.typing import NDArray
 from reconstruction_suite import insert
 
 from part2gs_robotics.config import resolve
-from part2gs_robotics.readers import read_scene
-from part2gs_robotics.scene import StateViews
-from part2gs_robotics.se3 import make, rotation_from_rotvec
-from part2gs_robotics.wrong_masks import contradictions, right_masks
+from part2gs_robotics.model.scene import StateViews
+from part2gs_robotics.model.se3 import make, rotation_from_rotvec
+from part2gs_robotics.readers.read_scene import read_scene
+from part2gs_robotics.readers.wrong_masks import contradictions, right_masks
 
 ROOT = Path(__file__).resolve().parents[1]
 RESULTS, PAGE = ROOT / "benchmarks/results/masks.json", ROOT / "docs/masks.md"

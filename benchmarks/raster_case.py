@@ -14,10 +14,10 @@ from raster_machine import fma_peak
 from raster_pairs import FLOP_PER_PAIR, bytes_moved, evaluated_pairs, naive_pairs, tile_pairs
 from raster_scene import Cloud, box_surface, corner_view, gaussians_of, intrinsics, photos
 
-from part2gs_robotics import render_cpu
 from part2gs_robotics.config import FitConfig
-from part2gs_robotics.fit import FitRun
-from part2gs_robotics.tones import tones_of
+from part2gs_robotics.fit.fit_state import FitRun
+from part2gs_robotics.fit.tones import tones_of
+from part2gs_robotics.render import cpu as render_cpu
 
 F64 = NDArray[np.float64]
 Row = dict[str, Any]

@@ -8,8 +8,7 @@ from typing import Any
 import numpy as np
 from raster_case import naive_pass, our_pass, race, spread
 from raster_scene import DISTANCE, box_surface, corner_view
-
-from part2gs_robotics.synth_photos import viewmats_around
+from toy_scenes import viewmats_around
 
 GAUSSIANS = (1_000, 3_000, 10_000, 30_000, 100_000, 300_000)  # at SIDE
 SIDES = (64, 128, 256, 400, 512, 800, 1024)  # with COUNT Gaussians

@@ -13,16 +13,15 @@ from typing import Any
 
 import raster_naive
 from raster_machine import ROOT
+from toy_scenes import toy_cabinet_twin, write_ball_scene
 
-from part2gs_robotics import render_cpu
-from part2gs_robotics.capture import capture
+from part2gs_robotics.capture.capture import capture
 from part2gs_robotics.config import FitConfig, ReadConfig
 from part2gs_robotics.exporters.mjcf import write_mjcf
-from part2gs_robotics.fit import fit_state
-from part2gs_robotics.readers import read_scene
-from part2gs_robotics.scene import StateViews
-from part2gs_robotics.synth import toy_cabinet_twin
-from part2gs_robotics.synth_photos import write_ball_scene
+from part2gs_robotics.fit.fit_state import fit_state
+from part2gs_robotics.model.scene import StateViews
+from part2gs_robotics.readers.read_scene import read_scene
+from part2gs_robotics.render import cpu as render_cpu
 
 OBJECTS = ("libero_microwave", "libero_wooden_cabinet", "sektion_cabinet")  # of the kit
 VIEWS, SIZE = 64, 400  # as in benchmarks/reconstruction_suite.py

@@ -3,7 +3,7 @@
 What one writes first, with care but without tricks: 16 x 16 tiles, the box of each ellipse, argsort
 by depth, a counting sort into tiles, scalar loops with math.exp, one row of gradients per listed
 Gaussian, summed per Gaussian. float32, fastmath, parallel over tiles. Its images and gradients are
-those of part2gs_robotics.render_cpu up to rounding.
+those of part2gs_robotics.render.cpu up to rounding.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from raster_naive_project import FOV_MARGIN, GRADS, PACKED, project, project_backward
 from raster_naive_tiles import TILE, backward, forward
 
-from part2gs_robotics.render_cpu import Gradients
+from part2gs_robotics.render.cpu import Gradients
 
 F32 = NDArray[np.float32]
 GRADIENT_SHAPES = ((3,), (4,), (3,), (), (3,), (0,), ())  # in the order of Gradients

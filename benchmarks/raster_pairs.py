@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from raster_naive import NaiveRendered
 from raster_naive_tiles import FAINT, HALF, ONE, OPAQUE, STOP, TILE
 
-from part2gs_robotics.render_bins import TILE_X
-from part2gs_robotics.render_cpu import Rendered
+from part2gs_robotics.render.cpu import Rendered
+from part2gs_robotics.render.tiles import TILE_X
 
 FLOP_PER_PAIR = 70  # forward and backward together, as the project's goal counts them
 GAUSSIAN_BYTES = 4 * (3 + 4 + 3 + 1 + 3)  # means, quats, scales, opacities, colours

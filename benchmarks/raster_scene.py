@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
+from toy_scenes import viewmats_around
 
-from part2gs_robotics.gaussians import SH_C0, Gaussians
-from part2gs_robotics.render_cpu import render
-from part2gs_robotics.scene import StateViews
-from part2gs_robotics.synth_photos import viewmats_around
+from part2gs_robotics.model.gaussians import SH_C0, Gaussians
+from part2gs_robotics.model.scene import StateViews
+from part2gs_robotics.render.cpu import render
 
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]

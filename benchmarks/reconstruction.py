@@ -26,7 +26,7 @@ from reconstruction_suite import README, RESULTS, ROOT, git, insert
 from reconstruction_table import markdown
 
 from part2gs_robotics.config import PRESETS, FitConfig
-from part2gs_robotics.device import pick_device
+from part2gs_robotics.render.pick_device import pick_device
 
 OUT = RESULTS.parent / "reconstruction.json"
 QUICK = "reconstruction_quick.json"  # in the work folder: a trial is no result

@@ -11,17 +11,17 @@ from dataclasses import dataclass
 import numpy as np
 
 from part2gs_robotics.exporters.inertia import (
-    F64,
     MassProperties,
     density_per_unit,
     gravity_vector,
     mass_properties,
     moment_about_axis,
 )
-from part2gs_robotics.joints import Joint
-from part2gs_robotics.kinematics import moving_parts, subtree
-from part2gs_robotics.solids import bounds
-from part2gs_robotics.twin import Twin
+from part2gs_robotics.model.arrays import F64
+from part2gs_robotics.model.joint import Joint
+from part2gs_robotics.model.kinematics import moving_parts, subtree
+from part2gs_robotics.model.solids import bounds
+from part2gs_robotics.model.twin import Twin
 
 TRAVEL_TIME = 0.5  # s for the full range at top speed: a brisk human hand
 SERVO_FREQUENCY = 30.0  # rad/s, slowest servo: settles in 0.2 s

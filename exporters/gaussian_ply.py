@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from part2gs_robotics.atomic import write_bytes_atomic
 from part2gs_robotics.errors import ExportError
-from part2gs_robotics.gaussians import Gaussians
+from part2gs_robotics.model.gaussians import Gaussians
+from part2gs_robotics.runtime.atomic import write_bytes_atomic
 
 MAX_HEADER_BYTES = 65536  # degree 3 needs 1.5 kB
 REST_COUNTS = (0, 9, 24, 45)  # f_rest values of degree 0..3

@@ -5,12 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from part2gs_robotics.errors import ExportError
-from part2gs_robotics.twin import PartMesh, Twin
+from part2gs_robotics.model.arrays import F64
+from part2gs_robotics.model.twin import PartMesh, Twin
 
-F64 = NDArray[np.float64]
 DENSITY = 600.0  # kg/m3, assumed: between particle board (650) and plastic housings with air inside
 GRAVITY = 9.81  # m/s2
 MIN_MASS = 1e-9  # kg; MuJoCo refuses 1e-15 and its solver loses digits long before

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import numpy as np
 
-from part2gs_robotics.atomic import write_bytes_atomic
 from part2gs_robotics.errors import ExportError
-from part2gs_robotics.twin import Part, PartMesh, Twin
+from part2gs_robotics.model.twin import Part, PartMesh, Twin
+from part2gs_robotics.runtime.atomic import write_bytes_atomic
 
 NAME = re.compile(r"[a-z0-9_]+\Z")  # bare names every simulator and package tool accepts
 

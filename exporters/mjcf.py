@@ -9,13 +9,14 @@ from pathlib import Path
 import numpy as np
 
 from part2gs_robotics.exporters.dynamics import JointDynamics, Physics, physics_of
-from part2gs_robotics.exporters.inertia import F64, MassProperties
+from part2gs_robotics.exporters.inertia import MassProperties
 from part2gs_robotics.exporters.meshfile import mean_rgba, piece_name, visual_name, write_meshes
 from part2gs_robotics.exporters.xmlio import add, write_xml
-from part2gs_robotics.joints import Joint
-from part2gs_robotics.kinematics import children, moves, moving_parts, part_transforms
-from part2gs_robotics.solids import bounds
-from part2gs_robotics.twin import Part, Twin
+from part2gs_robotics.model.arrays import F64
+from part2gs_robotics.model.joint import Joint
+from part2gs_robotics.model.kinematics import children, moves, moving_parts, part_transforms
+from part2gs_robotics.model.solids import bounds
+from part2gs_robotics.model.twin import Part, Twin
 
 GROUND_GAP = 0.01  # of the size: the ground stays this far below everything that moves
 

@@ -9,16 +9,16 @@ from typing import Literal
 
 import numpy as np
 
-from part2gs_robotics.atomic import write_bytes_atomic
 from part2gs_robotics.errors import CheckError
 from part2gs_robotics.exporters.dynamics import JointDynamics, Physics, physics_of
 from part2gs_robotics.exporters.inertia import DENSITY, MassProperties, density_per_unit
 from part2gs_robotics.exporters.meshfile import piece_name, visual_name
 from part2gs_robotics.exporters.mjcf import joint_name
-from part2gs_robotics.joints import Joint
-from part2gs_robotics.kinematics import moves
-from part2gs_robotics.solids import watertight
-from part2gs_robotics.twin import Part, Twin
+from part2gs_robotics.model.joint import Joint
+from part2gs_robotics.model.kinematics import moves
+from part2gs_robotics.model.solids import watertight
+from part2gs_robotics.model.twin import Part, Twin
+from part2gs_robotics.runtime.atomic import write_bytes_atomic
 
 Source = Literal["measured", "fitted", "assumed"]
 Tree = dict[str, object]

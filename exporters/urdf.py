@@ -8,12 +8,13 @@ from pathlib import Path
 import numpy as np
 
 from part2gs_robotics.exporters.dynamics import Physics, physics_of
-from part2gs_robotics.exporters.inertia import F64, MassProperties
+from part2gs_robotics.exporters.inertia import MassProperties
 from part2gs_robotics.exporters.meshfile import mean_rgba, piece_name, visual_name, write_meshes
 from part2gs_robotics.exporters.mjcf import joint_name
 from part2gs_robotics.exporters.xmlio import add, numbers, write_xml
-from part2gs_robotics.kinematics import moves
-from part2gs_robotics.twin import Part, Twin
+from part2gs_robotics.model.arrays import F64
+from part2gs_robotics.model.kinematics import moves
+from part2gs_robotics.model.twin import Part, Twin
 
 
 def write_urdf(twin: Twin, folder: Path) -> list[Path]:

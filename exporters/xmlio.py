@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from part2gs_robotics.atomic import write_bytes_atomic
 from part2gs_robotics.errors import ExportError
+from part2gs_robotics.runtime.atomic import write_bytes_atomic
 
 
 def number(value: float) -> str:

@@ -9,74 +9,25 @@ from __future__ import annotations
 import logging
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from part2gs_robotics.config import ArticulateConfig, SearchConfig
 from part2gs_robotics.errors import FitError
-from part2gs_robotics.gaussians import Gaussians
-from part2gs_robotics.joints import Joint
-from part2gs_robotics.scene import Scene
+from part2gs_robotics.model.gaussians import Gaussians
+from part2gs_robotics.model.motion import Motion
+from part2gs_robotics.model.scene import Scene
+from part2gs_robotics.search.pool import find_pool
 
 if TYPE_CHECKING:
-    from part2gs_robotics.judge import Verdict
-    from part2gs_robotics.motion_search import Hypothesis
-    from part2gs_robotics.study import Study
+    from part2gs_robotics.decide.judge import Verdict
+    from part2gs_robotics.evidence.study import Study
+    from part2gs_robotics.search.hypothesis import Hypothesis
 
 logger = logging.getLogger(__name__)
-SHARE_0 = 8 / 22  # of the patches in state 0: the open state shows more of what moved
-POOL_PRICE = 0.004  # of the evidence: what a hypothesis must explain to enter the competition
-POOL_TOP = 12  # hypotheses that are also tried on the object's own directions
 MIN_EVIDENCE = 0.004  # of all surfels: less is noise, nothing moved
-
-
-@dataclass(frozen=True)
-class Motion:
-    """Result of the articulation room.
-
-    Attributes:
-        part_probs: per state, [N_s, K+1] float32 part identity of every Gaussian; column 0 = base.
-        joints: K joints, of parts 1..K.
-        parents: K parent part indices (0 = base).
-        diagnostics: per moving part, losses and residuals by name.
-        notes: decisions worth reporting.
-    """
-
-    part_probs: tuple[NDArray[np.float32], NDArray[np.float32]]
-    joints: tuple[Joint, ...]
-    parents: tuple[int, ...]
-    diagnostics: tuple[dict[str, float], ...] = ()
-    notes: tuple[str, ...] = ()
-    seconds: dict[str, float] = field(default_factory=dict)
-
-    def labels(self, state: int) -> NDArray[np.int64]:
-        """Return [N_s] the most likely part of every Gaussian of a state."""
-        return np.asarray(self.part_probs[state].argmax(1), np.int64)
-
-
-def without_part(motion: Motion, part: int, note: str) -> Motion:
-    """Return the motion without a part that carries none; what it had goes to its carrier.
-
-    Args:
-        motion: with the part.
-        part: 1..K.
-        note: why, worth reporting.
-    """
-    keep = [k for k in range(len(motion.joints)) if k != part - 1]
-    probs = []
-    for old in motion.part_probs:
-        new = np.delete(old, part, axis=1)
-        parent = motion.parents[part - 1]
-        new[:, parent - (parent > part)] += old[:, part]
-        probs.append(new)
-    return replace(
-        motion, part_probs=(probs[0], probs[1]), joints=tuple(motion.joints[k] for k in keep),
-        parents=tuple(p - (p > part) for p in (motion.parents[k] for k in keep)),
-        diagnostics=tuple(d for k, d in enumerate(motion.diagnostics) if k != part - 1),
-        notes=(*motion.notes, note))
 
 
 def articulate(
@@ -110,7 +61,7 @@ def found_motions(
     search: SearchConfig | None = None,
 ) -> tuple[Study, Verdict, Clock]:
     """Return the study of both states and the motions that were decided on: the first half."""
-    from part2gs_robotics.study import gather
+    from part2gs_robotics.evidence.study import gather
 
     clock, search = Clock(progress), search or SearchConfig()
     study = gather(scene, gaussians, search)
@@ -127,7 +78,7 @@ def found_motions(
             "clearly different states."
         )
     clock.tick("evidence", 1)
-    pool = _pool(study, np.random.default_rng(config.seed), moved, search)
+    pool = find_pool(study, np.random.default_rng(config.seed), moved, search)
     clock.tick("search", 2)
     verdict = _decide(study, pool, config.parts, scene, search.swap)
     clock.tick("decision", 3, len(verdict.motions))
@@ -148,32 +99,10 @@ class Clock:
             self.progress(step, 5, float(parts))
 
 
-def _pool(
-    study: Study, rng: np.random.Generator, moved: int, search: SearchConfig
-) -> list[Hypothesis]:
-    from part2gs_robotics.motion_select import choose, propose
-    from part2gs_robotics.motion_snap import distinct, slide_families, snapped
-
-    first = round(SHARE_0 * search.patches)
-    seeds = first, search.patches - first
-    found = propose(study.evidence, study.lands, study.box, seeds, rng, search.patch_points,
-                    study.straight.directions)
-    ranked = sorted(
-        choose(found, study.evidence, study.lands, study.diag, POOL_PRICE * moved),
-        key=lambda p: -p[1],
-    )
-    top = distinct([h for h, _ in ranked][:POOL_TOP], study)
-    straight = snapped(top, study, rng)
-    families = slide_families([*straight, *top], study, 5 * POOL_PRICE * moved, rng)
-    pool = distinct([*top, *families, *straight], study)
-    logger.info("search: %d patches' motions, %d compete", len(found), len(pool))
-    return pool
-
-
 def _decide(
     study: Study, pool: list[Hypothesis], parts: int | None, scene: Scene, swap: bool = True
 ) -> Verdict:
-    from part2gs_robotics.decide import decide
+    from part2gs_robotics.decide.grow import decide
 
     verdict = decide(study, pool, parts, lambda text: logger.info("decide: %s", text), swap)
     if not verdict.motions:
@@ -190,15 +119,15 @@ def settled_motion(
     search: SearchConfig | None = None,
 ) -> Motion:
     """Return joints and part identities of the motions that were decided on: the second half."""
-    from part2gs_robotics.align import judged
-    from part2gs_robotics.judge import Judge
-    from part2gs_robotics.nested import nest
-    from part2gs_robotics.part_labels import labels_under, part_probs, start_labels
-    from part2gs_robotics.part_tree import flat
-    from part2gs_robotics.physics_terms import part_diagnostics, physical_steps
-    from part2gs_robotics.prune import joint_of, unpaid
-    from part2gs_robotics.reach import STAYS
-    from part2gs_robotics.small_views import both_small
+    from part2gs_robotics.decide.judge import Judge
+    from part2gs_robotics.decide.leave_out import joint_of, unpaid
+    from part2gs_robotics.joints.align import judged
+    from part2gs_robotics.joints.carried import nest
+    from part2gs_robotics.joints.claim import STAYS
+    from part2gs_robotics.joints.labels import labels_under, part_probs, start_labels
+    from part2gs_robotics.joints.tree import flat
+    from part2gs_robotics.model.small_views import both_small
+    from part2gs_robotics.paper.pull import part_diagnostics, physical_steps
 
     judge, search = Judge(study), search or SearchConfig()
     verdict = replace(verdict, hard=start_labels(judge, verdict, config))

@@ -15,18 +15,28 @@ import numpy as np
 import yaml
 
 from part2gs_robotics import __version__
-from part2gs_robotics.articulate import Motion
 from part2gs_robotics.config import Config, to_dict
-from part2gs_robotics.device import describe, pick_device, rendering_on
 from part2gs_robotics.errors import FitError, StoreError
-from part2gs_robotics.gaussians import Gaussians
-from part2gs_robotics.hashing import code_version, hash_of
-from part2gs_robotics.jit_cache import compile_seconds, kept_in, prepare_jit_cache
-from part2gs_robotics.log import Progress, log_stage, logging_to
+from part2gs_robotics.model.gaussians import Gaussians
+from part2gs_robotics.model.motion import Motion
+from part2gs_robotics.model.scene import Scene, StateViews
+from part2gs_robotics.model.scene_frame import (
+    frame_of,
+    gaussians_in_scene,
+    internal,
+    parts_in_scene,
+)
+from part2gs_robotics.model.twin import Part, Twin
 from part2gs_robotics.outputs import write_outputs
 from part2gs_robotics.plan import Plan, make_plan
-from part2gs_robotics.readers import read_scene
-from part2gs_robotics.saved import (
+from part2gs_robotics.readers.read_scene import read_scene
+from part2gs_robotics.render.pick_device import describe, pick_device
+from part2gs_robotics.runtime.device import rendering_on
+from part2gs_robotics.runtime.hashing import code_version, hash_of
+from part2gs_robotics.runtime.jit_cache import compile_seconds, kept_in, prepare_jit_cache
+from part2gs_robotics.runtime.log import Progress, log_stage, logging_to
+from part2gs_robotics.runtime.store import STAGES, Saved, Store
+from part2gs_robotics.stages import (
     Fitted,
     load_built,
     load_fit,
@@ -35,10 +45,6 @@ from part2gs_robotics.saved import (
     save_fit,
     save_motion,
 )
-from part2gs_robotics.scene import Scene, StateViews
-from part2gs_robotics.scene_frame import frame_of, gaussians_in_scene, internal, parts_in_scene
-from part2gs_robotics.store import STAGES, Saved, Store
-from part2gs_robotics.twin import Part, Twin
 
 T = TypeVar("T")
 COMPILE_WORTH_A_WORD = 0.5  # seconds: less is a kernel or two that this scene alone needs
@@ -148,7 +154,7 @@ class _Corridor:
         key = hash_of("fit", self.code, asdict(fit), asdict(stereo), *_state_parts(state))
 
         def compute() -> Fitted:
-            from part2gs_robotics.fit import fit_state
+            from part2gs_robotics.fit.fit_state import fit_state
 
             result = fit_state(state, None, fit, Progress(f"fit state {index}", "dB"),
                                f"state {index}", stereo)
@@ -182,7 +188,7 @@ class _Corridor:
 
         Nothing is changed where cameras kept their exposure.
         """
-        from part2gs_robotics.exposure import gain_between, matched, told
+        from part2gs_robotics.evidence.exposure import gain_between, matched, told
 
         gain = gain_between(self.scene, gaussians)
         note = told(gain)
@@ -192,7 +198,7 @@ class _Corridor:
 
     def _canonical(self, gaussians: tuple[Gaussians, Gaussians], paper_mode: bool) -> str:
         """Return what the canonical room says about the states."""
-        from part2gs_robotics.canonical import canonical_field
+        from part2gs_robotics.evidence.canonical import canonical_field
 
         began = time.monotonic()
         field = canonical_field(*gaussians, paper_mode=paper_mode)
@@ -207,7 +213,7 @@ class _Corridor:
         key = hash_of("mesh", asdict(settings), key)
 
         def compute() -> tuple[Motion, tuple[Part, ...]]:
-            from part2gs_robotics.real_parts import build_existing
+            from part2gs_robotics.mesh.real_parts import build_existing
 
             scene, alike, _ = self._matched(gaussians)
             return build_existing(scene, alike, motion, settings)
@@ -217,7 +223,7 @@ class _Corridor:
 
     def _separate(self, twin: Twin) -> Twin:
         """Return the twin with neighbours' collision pieces apart along every joint."""
-        from part2gs_robotics.clearance import separate_pieces
+        from part2gs_robotics.mesh.clearance import separate_pieces
 
         began = time.monotonic()
         apart = separate_pieces(twin)

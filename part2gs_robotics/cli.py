@@ -78,7 +78,7 @@ def _write_traceback() -> str:
 
 def _build(call: Call) -> int:
     from part2gs_robotics.build import build
-    from part2gs_robotics.readers import read_scene_yaml
+    from part2gs_robotics.readers.read_scene import read_scene_yaml
 
     scene = Path(call.paths[0])
     config = resolve(call.flags, read_scene_yaml(scene), str(scene / "scene.yaml"))
@@ -86,7 +86,7 @@ def _build(call: Call) -> int:
 
 
 def _check(call: Call) -> int:
-    from part2gs_robotics.log import logging_to
+    from part2gs_robotics.runtime.log import logging_to
     from part2gs_robotics.sim_checks import check
     from part2gs_robotics.sim_checks.result import format_text
 
@@ -98,8 +98,8 @@ def _check(call: Call) -> int:
 
 
 def _capture(call: Call) -> int:
-    from part2gs_robotics.capture import capture, parse_states
-    from part2gs_robotics.log import logging_to
+    from part2gs_robotics.capture.capture import capture, parse_states
+    from part2gs_robotics.runtime.log import logging_to
 
     flags = dict(call.flags)
     quiet, verbose = bool(flags.pop("quiet", False)), bool(flags.pop("verbose", False))

@@ -9,17 +9,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from part2gs_robotics import __version__
-from part2gs_robotics.articulate import Motion
-from part2gs_robotics.atomic import write_text_atomic
 from part2gs_robotics.config import CheckConfig
-from part2gs_robotics.gaussians import Gaussians
+from part2gs_robotics.model.gaussians import Gaussians
+from part2gs_robotics.model.motion import Motion
+from part2gs_robotics.model.scene import Scene, StateViews
+from part2gs_robotics.model.scene_frame import SceneFrame
+from part2gs_robotics.model.twin import Twin
 from part2gs_robotics.plan import Plan
-from part2gs_robotics.report import ReportData, write_report
-from part2gs_robotics.saved import Fitted
-from part2gs_robotics.scene import Scene, StateViews
-from part2gs_robotics.scene_frame import SceneFrame
+from part2gs_robotics.report.report_json import ReportData, write_report
+from part2gs_robotics.runtime.atomic import write_text_atomic
 from part2gs_robotics.sim_checks.result import CheckReport
-from part2gs_robotics.twin import Twin
+from part2gs_robotics.stages import Fitted
 
 
 def write_outputs(
@@ -88,7 +88,7 @@ def _write_gaussians(folder: Path, gaussians: Gaussians, motion: Motion, twin: T
 def _picture(state: StateViews, gaussians: Gaussians,
              name: str) -> tuple[str, NDArray[np.uint8], NDArray[np.uint8]]:
     """Return (caption, photo, render) of a view that was never trained on, over white."""
-    from part2gs_robotics.fit_view import WHITE, drawn_over
+    from part2gs_robotics.fit.view_color import WHITE, drawn_over
 
     view = int(np.flatnonzero(state.held_out)[0])
     alpha = state.alphas[view][..., None] / 255.0

@@ -8,7 +8,7 @@ from importlib import resources
 from typing import Literal
 
 from part2gs_robotics.config import Config
-from part2gs_robotics.scene import Scene
+from part2gs_robotics.model.scene import Scene
 
 TERMS = {"articulation": "articulation loss", "vector_field": "vector-field loss",
          "repel": "repel points", "velocity": "velocity loss", "contact": "contact loss"}

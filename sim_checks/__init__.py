@@ -1,6 +1,9 @@
-"""Physics checks of an exported twin."""
+"""Physics checks of an exported twin.
 
-from part2gs_robotics.sim_checks.result import CheckReport, CheckResult, Curve, format_text
-from part2gs_robotics.sim_checks.runner import GROUPS, check
+In: a twin folder or any MJCF file. Out: `result.CheckReport`, whose exit code CI reads.
+Call: `check`.
+"""
 
-__all__ = ["GROUPS", "CheckReport", "CheckResult", "Curve", "check", "format_text"]
+from part2gs_robotics.sim_checks.runner import check
+
+__all__ = ["check"]

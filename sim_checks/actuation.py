@@ -9,14 +9,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from part2gs_robotics.model.arrays import F64
+from part2gs_robotics.runtime.threads import in_threads
 from part2gs_robotics.sim_checks.result import CheckResult, passed, row
 from part2gs_robotics.sim_checks.subject import DrivenJoint, Subject
-from part2gs_robotics.threads import in_threads
 
 if TYPE_CHECKING:
     import mujoco
 
-F64 = NDArray[np.float64]
 LOW, HIGH = 0.05, 0.95  # of the range: clear of the soft limits
 REACH = 0.99  # of the way between them
 TRACKING = 0.10  # of the range: lag of a critically damped 30 rad/s servo is 4 %

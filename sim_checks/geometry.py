@@ -6,16 +6,15 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
-from part2gs_robotics.solids import defect, to_manifold
-from part2gs_robotics.twin import PartMesh
+from part2gs_robotics.model.arrays import F64
+from part2gs_robotics.model.solids import defect, to_manifold
+from part2gs_robotics.model.twin import PartMesh
 
 if TYPE_CHECKING:
     import mujoco
     from manifold3d import Manifold
 
-F64 = NDArray[np.float64]
 VISUAL_GROUP = 2
 DENSE = 12_000  # faces of one body above which the sweep uses a simplified copy
 SAMPLES = 192  # points of the overlap whose depth is measured
@@ -72,7 +71,7 @@ def _geom_surface(model: mujoco.MjModel, geom: int) -> PartMesh | None:
     solid = _primitive(kind, model.geom_size[geom])
     if solid is None:
         return None
-    from part2gs_robotics.solids import to_mesh
+    from part2gs_robotics.model.solids import to_mesh
 
     return to_mesh(solid)
 

@@ -7,8 +7,8 @@ from itertools import combinations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from part2gs_robotics.model.arrays import F64
 from part2gs_robotics.sim_checks.geometry import Overlap, depth, overlap, place
 from part2gs_robotics.sim_checks.result import CheckResult, Curve, row
 from part2gs_robotics.sim_checks.subject import DrivenJoint, Subject
@@ -17,7 +17,6 @@ if TYPE_CHECKING:
     import mujoco
     from manifold3d import Manifold
 
-F64 = NDArray[np.float64]
 LIMIT = 0.002  # of the size: 2 mm on a metre, the noise of a good reconstruction
 RANDOM_POSES = 64
 Pair = tuple[int, int]

@@ -7,10 +7,10 @@ from collections.abc import Collection
 from dataclasses import replace
 from pathlib import Path
 
-from part2gs_robotics.engine import distinct, engine_messages
 from part2gs_robotics.errors import CheckError
 from part2gs_robotics.exporters.twin_yaml import TwinSummary, read_twin_yaml
-from part2gs_robotics.model_files import check_model_files
+from part2gs_robotics.sim_checks.engine import distinct, engine_messages
+from part2gs_robotics.sim_checks.model_files import check_model_files
 from part2gs_robotics.sim_checks.result import CheckReport, CheckResult, Curve, passed
 from part2gs_robotics.sim_checks.subject import Subject
 

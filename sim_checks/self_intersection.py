@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from part2gs_robotics.model.twin import PartMesh
 from part2gs_robotics.sim_checks.result import CheckResult
 from part2gs_robotics.sim_checks.subject import Subject
-from part2gs_robotics.twin import PartMesh
 
 NAME = "self-intersection"
 

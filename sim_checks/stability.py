@@ -8,14 +8,12 @@ from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
+from part2gs_robotics.runtime.threads import in_threads
 from part2gs_robotics.sim_checks.actuation import HIGH, LOW, MAX_STEPS, start, warnings_of
 from part2gs_robotics.sim_checks.result import CheckResult, row
 from part2gs_robotics.sim_checks.subject import DrivenJoint, Subject
-from part2gs_robotics.threads import in_threads
 
-F64 = NDArray[np.float64]
 Run = tuple[int, float]  # what the time step is divided and the gain multiplied by
 SAME_END = 0.01  # of the range
 MOVE, REST = 1.0, 1.0  # s of ramp and of waiting

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from part2gs_robotics.exporters.twin_yaml import TwinSummary
+from part2gs_robotics.model.solids import defect
 from part2gs_robotics.sim_checks.geometry import collision_pieces
 from part2gs_robotics.sim_checks.interpenetration import LIMIT, Poser, deepest_of
 from part2gs_robotics.sim_checks.result import CheckResult, Status, passed, row
 from part2gs_robotics.sim_checks.subject import Subject
-from part2gs_robotics.solids import defect
 
 TRIANGLE = 1e-6  # relative slack of A + B >= C: the engine's own rounding
 STATES = ("state_0", "state_1")
@@ -93,7 +93,7 @@ def pieces_table(subject: Subject) -> list[dict[str, object]]:
 
     Phantom is hull volume outside the part, missing is part outside the hulls, in units^3.
     """
-    from part2gs_robotics.convex import bound_of
+    from part2gs_robotics.model.solids import bound_of
 
     table: list[dict[str, object]] = []
     for body, solid in subject.solids.items():

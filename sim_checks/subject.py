@@ -7,16 +7,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from part2gs_robotics.model.arrays import F64
+from part2gs_robotics.model.twin import PartMesh
 from part2gs_robotics.sim_checks.geometry import body_meshes, body_solid, lighter
-from part2gs_robotics.twin import PartMesh
 
 if TYPE_CHECKING:
     import mujoco
     from manifold3d import Manifold
 
-F64 = NDArray[np.float64]
 SWEEP_TOLERANCE = 2e-4  # of the size: simplification of dense bodies, a tenth of the overlap limit
 SERVO_FREQUENCY = 30.0  # rad/s of a servo added to a model that has none
 OURS = "check_servo_"  # name of such a servo

@@ -52,7 +52,7 @@ def load():
 @pytest.fixture(scope="session")
 def ball_scene(tmp_path_factory):
     """A good scene of two balls, 24 photos of 48 pixels per state: copy it before a change."""
-    from part2gs_robotics.synth_photos import write_ball_scene
+    from synth_photos import write_ball_scene
 
     return write_ball_scene(tmp_path_factory.mktemp("balls") / "scene")
 
@@ -108,7 +108,7 @@ HINGE = (np.array([0.0, 0, 1]), np.array([0.0, -0.05, 0.0]), -0.9)
 @pytest.fixture(scope="session")
 def slid(toy):
     """A block on a base, slid by 0.3 along x: both states as seen."""
-    from part2gs_robotics.se3 import make
+    from part2gs_robotics.model.se3 import make
 
     base, block = Box((0, 0, 0), (0.8, 0.6, 0.25), 1), Box((0.05, 0.1, 0.25), (0.4, 0.5, 0.5), 2)
     moved = Box(block.lo, block.hi, 2, make(np.eye(3), SLIDE[0] * SLIDE[1]))
@@ -119,7 +119,7 @@ def slid(toy):
 @pytest.fixture(scope="session")
 def turned(toy):
     """A thin door at the front of a base, turned by -0.9 rad about a vertical line."""
-    from part2gs_robotics.se3 import screw_motion
+    from part2gs_robotics.model.se3 import screw_motion
 
     base, door = Box((0, 0, 0), (0.8, 0.6, 0.6), 1), Box((0, -0.05, 0), (0.8, -0.01, 0.6), 3)
     moved = Box(door.lo, door.hi, 3, screw_motion(*HINGE, 0.0))
@@ -130,7 +130,7 @@ def turned(toy):
 @pytest.fixture(scope="session")
 def screwed(toy):
     """A block on a base, turned by 0.9 rad about a vertical line and risen by 0.12."""
-    from part2gs_robotics.se3 import screw_motion
+    from part2gs_robotics.model.se3 import screw_motion
 
     base, block = Box((0, 0, 0), (0.8, 0.6, 0.25), 1), Box((0.15, 0.1, 0.25), (0.6, 0.4, 0.5), 2)
     axis, origin, value, rise = np.array([0.0, 0, 1]), np.array([0.4, 0.3, 0.3]), 0.9, 0.12
@@ -142,9 +142,9 @@ def screwed(toy):
 @pytest.fixture(scope="session")
 def look_alikes(toy):
     """Two equal blocks on a base, slid along x by 0.3 and 0.2: a study, the truth, the photos."""
-    from part2gs_robotics.motion_search import Hypothesis
-    from part2gs_robotics.se3 import make
-    from part2gs_robotics.study import gather
+    from part2gs_robotics.evidence.study import gather
+    from part2gs_robotics.model.se3 import make
+    from part2gs_robotics.search.hypothesis import Hypothesis
 
     base = Box((0, 0, 0), (0.9, 0.8, 0.25), 1)
     truth = [Hypothesis(0, np.array([1.0, 0, 0]), np.array([0.2, 0.4, 0.4]), way)
@@ -164,7 +164,7 @@ def look_alikes(toy):
 @pytest.fixture(scope="session")
 def judge(look_alikes):
     """Return the judge of the look-alikes' study."""
-    from part2gs_robotics.judge import Judge
+    from part2gs_robotics.decide.judge import Judge
 
     return Judge(look_alikes.study)
 

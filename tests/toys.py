@@ -54,7 +54,7 @@ def cameras(count, side, centre, diag):
 
 def cast(boxes, Ks, viewmats, side):
     """Return StateViews of boxes, ray-cast exactly, with depth."""
-    from part2gs_robotics.scene import StateViews
+    from part2gs_robotics.model.scene import StateViews
 
     rows, cols = np.mgrid[:side, :side] + 0.5
     count = len(Ks)
@@ -81,8 +81,8 @@ def cast(boxes, Ks, viewmats, side):
 
 def gaussians_of(boxes, spacing):
     """Return flat Gaussians on the faces of the boxes, and [N] the box of each."""
-    from part2gs_robotics import se3
-    from part2gs_robotics.gaussians import SH_C0, Gaussians
+    from part2gs_robotics.model import se3
+    from part2gs_robotics.model.gaussians import SH_C0, Gaussians
 
     means, quats, logs, colors, owner = [], [], [], [], []
     for b, box in enumerate(boxes):
@@ -111,8 +111,8 @@ def gaussians_of(boxes, spacing):
 
 def drawn(gaussians, Ks, viewmats, side):
     """Return StateViews of Gaussians, drawn by the product's own renderer."""
-    from part2gs_robotics.render import render
-    from part2gs_robotics.scene import StateViews
+    from part2gs_robotics.model.scene import StateViews
+    from part2gs_robotics.render.dispatch import render
 
     g, images, alphas = gaussians, [], []
     for K, view in zip(Ks, viewmats, strict=True):
@@ -126,16 +126,16 @@ def drawn(gaussians, Ks, viewmats, side):
 
 def scene_of(states):
     """Return the Scene of two StateViews."""
-    from part2gs_robotics.scene import Scene
+    from part2gs_robotics.model.scene import Scene
 
     return Scene(Path("toy"), "toy", states)
 
 
 def seen_surface(boxes, views=24, side=96, voxel=0.02):
     """Return surfels, landing grid (reach 0.1) and depth maps of ray-cast boxes within -1..1.6."""
-    from part2gs_robotics.evidence import depth_maps_of_images
-    from part2gs_robotics.landing import build_landing
-    from part2gs_robotics.surfels import fuse_surfels
+    from part2gs_robotics.evidence.depth_maps import depth_maps_of_images
+    from part2gs_robotics.evidence.landing import build_landing
+    from part2gs_robotics.evidence.surfels import fuse_surfels
 
     state = cast(boxes, *cameras(views, side, np.array([0.4, 0.3, 0.3]), 1.7), side)
     maps = depth_maps_of_images(state)
@@ -147,8 +147,8 @@ def seen_surface(boxes, views=24, side=96, voxel=0.02):
 
 def pictures(lines, Ks, viewmats, rng, noise=0.05):
     """Return Segments of 3D lines [N, 2, 3] in all cameras, ends off by `noise` pixels."""
-    from part2gs_robotics.se3 import apply
-    from part2gs_robotics.segments import Segments
+    from part2gs_robotics.evidence.segments import Segments
+    from part2gs_robotics.model.se3 import apply
 
     ends, views = [], []
     for v, (K, view) in enumerate(zip(Ks, viewmats, strict=True)):

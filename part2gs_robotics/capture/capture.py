@@ -1,0 +1,300 @@
+"""Photograph a two-state scene with ground truth from an articulated MJCF or URDF.
+
+Written files:
+- scene/transforms_{train,test}_{start,end}.json: cameras, world_from_camera in OpenGL axes
+- scene/{start,end}/{train,test}/rgba/0000.png: straight RGB, alpha = covered share
+- scene/{start,end}/{train,test}/depth/0000.png: optional, uint16 thousandths, 0 = background
+- scene.gt/gt.json: parts, joints and both states; beside the scene, never in it
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import time
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from part2gs_robotics.capture.cameras import FOV_RAD, place_cameras
+from part2gs_robotics.errors import ConfigError, SceneError
+from part2gs_robotics.sim_checks.engine import logged_messages
+
+if TYPE_CHECKING:
+    from part2gs_robotics.capture.rig import JointInfo, Rig
+
+Array = NDArray[np.float64]
+States = dict[str, tuple[float, float]]
+
+STATE_NAMES = ("start", "end")
+# Nearly closed and three quarters open: both show the seam, neither sits on a limit.
+RANGE_SHARES = (0.05, 0.75)
+FREE_HINGE_RAD = float(np.deg2rad(45.0))
+FREE_SLIDE_SHARE = 0.1  # of the model's extent: an unlimited slide has no natural length
+VIEWS = (4, 2000)
+SIZES = (32, 2048)  # 2048 x 3 sub-pixels is the widest off-screen buffer of software EGL
+
+
+@dataclass(frozen=True)
+class Captured:
+    """What was written: scene folder, truth folder, moving joints, images and seconds."""
+
+    scene: Path
+    truth: Path
+    joints: tuple[str, ...]
+    frames: int
+    seconds: float
+
+
+def capture(
+    model: Path,
+    scene: Path,
+    *,
+    views: int = 64,
+    test_views: int = 0,
+    size: int = 400,
+    seed: int = 0,
+    states: States | None = None,
+    depth: bool = False,
+) -> Captured:
+    """Write a two-state scene and its ground truth from an articulated model.
+
+    Args:
+        model: MJCF or URDF file; every file it refers to lies below its folder.
+        scene: new folder; the truth goes to `<scene>.gt` beside it.
+        views: training views per state.
+        test_views: further views per state that no fit may use.
+        size: image side, pixels.
+        seed: places of the cameras; the same seed gives the same bytes on one machine.
+        states: joint name -> (q at state 0, q at state 1), rad or scene units. None moves every
+            hinge and slide from 5 % to 75 % of its range (unlimited: 0 to 45 degrees).
+        depth: also write 16-bit depth images.
+
+    Returns:
+        Where everything lies.
+
+    Raises:
+        ConfigError: a number or joint that cannot be used.
+        CheckError: a model that cannot be read.
+        SceneError: an output folder that cannot be written.
+    """
+    from part2gs_robotics.capture.rig import Rig
+
+    _check_numbers(views, test_views, size)
+    began = time.perf_counter()
+    with (
+        logged_messages(str(model)),
+        _new_folders(scene) as (folder, truth),
+        Rig(model, size) as rig,
+    ):
+        moves = _choose_states(rig, states, model)
+        clouds = [_posed(rig, moves, s) for s in (0, 1)]
+        cloud = np.concatenate(clouds)
+        rig.focus(cloud)
+        for s in (0, 1):
+            _posed(rig, moves, s)
+            for split, count in (("train", views), ("test", test_views)):
+                rng = np.random.default_rng([seed, s, split == "test"])
+                if count:
+                    _shoot_all(rig, place_cameras(cloud, count, rng), folder, s, split, size, depth)
+        notes: dict[str, object] = {"model": model.name, "views": views, "size": size, "seed": seed}
+        _write_json(truth / "gt.json", _truth(rig, moves, cloud, notes))
+    return Captured(
+        scene, _truth_folder(scene), tuple(j.name for j, _ in moves),
+        2 * (views + test_views), time.perf_counter() - began,
+    )  # fmt: skip
+
+
+def parse_states(words: Iterable[str]) -> States:
+    """Return joint name -> both positions from words like `door=0.1,1.2`.
+
+    Raises:
+        ConfigError: a word of another form, or a joint named twice.
+    """
+    states: States = {}
+    for word in words:
+        name, _, values = word.rpartition("=")
+        try:
+            first, second = (float(value) for value in values.split(","))
+        except ValueError:
+            name = ""
+        if not name or name in states:
+            raise ConfigError(
+                f"capture: --state {word}: {'given twice' if name else 'not understood'}. "
+                "Expected JOINT=Q0,Q1 once per joint, rad or scene units; write --state door=0,1.2"
+            )
+        states[name] = first, second
+    return states
+
+
+def _check_numbers(views: int, test_views: int, size: int) -> None:
+    if not VIEWS[0] <= views <= VIEWS[1] or not 0 <= test_views <= VIEWS[1]:
+        raise ConfigError(
+            f"capture: --views {views}, test views {test_views}. "
+            f"Expected {VIEWS[0]} to {VIEWS[1]} views per state; change --views."
+        )
+    if not SIZES[0] <= size <= SIZES[1]:
+        raise ConfigError(
+            f"capture: --size {size}. Expected {SIZES[0]} to {SIZES[1]} pixels; change --size."
+        )
+
+
+def _choose_states(
+    rig: Rig, states: States | None, model: Path
+) -> list[tuple[JointInfo, tuple[float, float]]]:
+    """Return the moving joints in model order with both positions."""
+    by_name = {j.name: j for j in rig.joints}
+    if not by_name:
+        raise ConfigError(
+            f"{model}: has no hinge and no slide joint. "
+            "Expected an articulated model; give another."
+        )
+    chosen = states or {j.name: _default_states(j, rig.extent) for j in rig.joints}
+    for name, values in chosen.items():
+        if name not in by_name:
+            raise ConfigError(
+                f"capture: --state {name}: {model.name} has no such joint. "
+                f"Available: {', '.join(by_name)}; use one of these."
+            )
+        _check_range(by_name[name], values)
+    moves = [(j, chosen[j.name]) for j in rig.joints if j.name in chosen]
+    bodies = [j.body for j, _ in moves]
+    for joint, _ in moves:
+        if bodies.count(joint.body) > 1:
+            raise ConfigError(
+                f"capture: body {rig.body_name(joint.body)!r} has several moving joints. "
+                "Expected one per part; name one of them with --state."
+            )
+    return moves
+
+
+def _default_states(joint: JointInfo, extent: float) -> tuple[float, float]:
+    if joint.limits is None:
+        return 0.0, FREE_HINGE_RAD if joint.hinge else FREE_SLIDE_SHARE * extent
+    low, high = joint.limits
+    first, second = (low + share * (high - low) for share in RANGE_SHARES)
+    return first, second
+
+
+def _check_range(joint: JointInfo, values: tuple[float, float]) -> None:
+    low, high = joint.limits or (-np.inf, np.inf)
+    # Ranges given in degrees carry rounding of about 1e-6 after conversion.
+    if not all(np.isfinite(v) and low - 1e-6 <= v <= high + 1e-6 for v in values):
+        raise ConfigError(
+            f"capture: --state {joint.name}={values[0]:g},{values[1]:g} leaves the joint's range "
+            f"[{low:g}, {high:g}]. Expected two values inside (rad or scene units); change them."
+        )
+    if values[0] == values[1]:
+        raise ConfigError(
+            f"capture: --state {joint.name}={values[0]:g},{values[1]:g} does not move. "
+            "Expected two different values; change one."
+        )
+
+
+def _posed(rig: Rig, moves: list[tuple[JointInfo, tuple[float, float]]], s: int) -> Array:
+    rig.pose({joint.name: values[s] for joint, values in moves})
+    return rig.points()
+
+
+def _shoot_all(
+    rig: Rig, cameras: list[Array], folder: Path, s: int, split: str, size: int, depth: bool
+) -> None:
+    """Write the images and the camera file of one state and split."""
+    below = f"{STATE_NAMES[s]}/{split}"
+    focal = size / 2 / np.tan(FOV_RAD / 2)
+    frames = []
+    for i, world_from_camera in enumerate(cameras):
+        rgba, z = rig.shoot(world_from_camera, depth=depth)
+        _write_png(folder / below / "rgba" / f"{i:04d}.png", rgba[..., [2, 1, 0, 3]])
+        if depth:
+            steps = np.clip((z * 1000).round(), 0, 65535).astype(np.uint16)
+            _write_png(folder / below / "depth" / f"{i:04d}.png", steps)
+        frames.append(
+            {
+                "file_path": f"{below}/rgba/{i:04d}.png",
+                "time": s,
+                "transform_matrix": world_from_camera.tolist(),
+            }
+        )
+    lens = {"camera_angle_x": FOV_RAD, "camera_angle_y": FOV_RAD, "fl_x": focal, "fl_y": focal}
+    frame = {"cx": size / 2, "cy": size / 2, "w": size, "h": size, "frames": frames}
+    _write_json(folder / f"transforms_{split}_{STATE_NAMES[s]}.json", {**lens, **frame})
+
+
+def _truth(
+    rig: Rig,
+    moves: list[tuple[JointInfo, tuple[float, float]]],
+    cloud: Array,
+    notes: dict[str, object],
+) -> dict[str, object]:
+    """Return the truth: axes point so that every motion from state 0 to state 1 is positive."""
+    _posed(rig, moves, 0)
+    moving = {joint.body: k for k, (joint, _) in enumerate(moves, 1)}
+    parts = []
+    for joint, (first, second) in moves:
+        axis, anchor = rig.axis_and_anchor(joint)
+        kind = ("revolute" if joint.limits else "continuous") if joint.hinge else "prismatic"
+        parts.append(
+            {
+                "name": rig.body_name(joint.body),
+                "joint": joint.name,
+                "type": kind,
+                "axis": (axis * np.sign(second - first)).tolist(),
+                "point": anchor.tolist(),
+                "parent": rig.carrier(joint.body, moving),
+                "motion": abs(second - first),
+                "q": [first, second],
+            }
+        )
+    low, high = cloud.min(0), cloud.max(0)
+    diagonal = float(np.linalg.norm(high - low))
+    box = {"bbox": [low.tolist(), high.tolist()], "bbox_diagonal": diagonal}
+    return {"parts": parts, **box, **notes}
+
+
+def _truth_folder(scene: Path) -> Path:
+    return scene.with_name(scene.name + ".gt")
+
+
+@contextmanager
+def _new_folders(scene: Path) -> Iterator[tuple[Path, Path]]:
+    """Yield two temporary folders that become the scene and its truth when all went well."""
+    truth = _truth_folder(scene)
+    for target in (scene, truth):
+        if target.exists() and (not target.is_dir() or any(target.iterdir())):
+            raise SceneError(
+                f"{target}: exists and is not empty. Expected a new folder; "
+                "choose another name or remove it first."
+            )
+    temporary = [t.with_name(f".{t.name}.tmp-{os.getpid()}") for t in (scene, truth)]
+    try:
+        for path in temporary:
+            path.mkdir(parents=True)
+        yield temporary[0], temporary[1]
+        for path, target in zip(temporary, (scene, truth), strict=True):
+            os.replace(path, target)
+    except OSError as error:
+        raise SceneError(
+            f"{scene}: cannot be written ({error.strerror or error}). "
+            "Expected a writable folder with free space; choose another place."
+        ) from error
+    finally:
+        for path in temporary:
+            shutil.rmtree(path, ignore_errors=True)
+
+
+def _write_png(path: Path, image: NDArray[np.uint8] | NDArray[np.uint16]) -> None:
+    import cv2
+
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_bytes(cv2.imencode(".png", image, [cv2.IMWRITE_PNG_COMPRESSION, 9])[1].tobytes())
+
+
+def _write_json(path: Path, content: dict[str, object]) -> None:
+    path.write_text(json.dumps(content, indent=1) + "\n")

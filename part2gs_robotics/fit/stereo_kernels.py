@@ -1,0 +1,204 @@
+"""Kernels of the multi-view stereo: matching cost, and its aggregation along image paths."""
+
+from __future__ import annotations
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+from part2gs_robotics.model.arrays import F32, F64
+from part2gs_robotics.runtime.jit import inlined, kernel, parallel_kernel
+
+TRUNCATED = 0.15  # of the colour range: beyond, a view sees something else, however much
+SMALL_STEP = 0.008  # of the colour range, for a depth step of one bin
+BIG_STEP = 0.12  # for any depth step: nearly as much as a view that disagrees
+EDGE = 0.05  # colour step at which a big depth step costs a third
+STEEP = 6  # bins between neighbours beyond which the hull itself has an edge
+UNREACHABLE = 1e6  # far above any sum of costs of at most 2 TRUNCATED each
+
+
+@inlined
+def _inside(values: F32, x: float, y: float, z: float) -> bool:
+    i, j, k = int(x + 0.5), int(y + 0.5), int(z + 0.5)
+    if x < 0.0 or y < 0.0 or z < 0.0:
+        return False
+    if i >= values.shape[0] or j >= values.shape[1] or k >= values.shape[2]:
+        return False
+    return bool(values[i, j, k] > 0.0)
+
+
+@parallel_kernel
+def hull_span(values: F32, eye: F64, rays: F64, mask: NDArray[np.bool_], near: float, far: float,
+              step: float, first: F32, last: F32) -> None:
+    """Fill the first and last depth at which every pixel's ray is inside a grid.
+
+    Args:
+        values: [X, Y, Z] positive inside.
+        eye: [3] camera centre, voxel units.
+        rays: [H, W, 3] per unit of depth, voxel units.
+        mask: [H, W] pixels to look at.
+        near: least depth to look at.
+        far: greatest depth.
+        step: between the depths looked at.
+        first: [H, W] result, 0 where the ray misses.
+        last: [H, W] result, likewise.
+    """
+    height, width = mask.shape
+    count = int((far - near) / step) + 1
+    for i in numba.prange(height):
+        for j in range(width):
+            if not mask[i, j]:
+                continue
+            dx, dy, dz = rays[i, j, 0], rays[i, j, 1], rays[i, j, 2]
+            for n in range(count):
+                t = near + n * step
+                if _inside(values, eye[0] + t * dx, eye[1] + t * dy, eye[2] + t * dz):
+                    first[i, j] = t
+                    break
+            if first[i, j] == 0.0:
+                continue
+            for n in range(count):
+                t = far - n * step
+                if _inside(values, eye[0] + t * dx, eye[1] + t * dy, eye[2] + t * dz):
+                    last[i, j] = t
+                    break
+
+
+@inlined
+def _difference(others: F32, n: int, u: float, v: float, r: float, g: float, b: float) -> float:
+    """Return the mean colour difference to image n at a place, TRUNCATED outside of it."""
+    if not (u >= 0.0 and v >= 0.0 and u < others.shape[2] - 1 and v < others.shape[1] - 1):
+        return TRUNCATED
+    i, j = int(v), int(u)
+    fv, fu = v - i, u - j
+    w00, w01, w10, w11 = (1 - fu) * (1 - fv), fu * (1 - fv), (1 - fu) * fv, fu * fv
+    total = 0.0
+    for c, mine in ((0, r), (1, g), (2, b)):
+        theirs = (w00 * others[n, i, j, c] + w01 * others[n, i, j + 1, c]
+                  + w10 * others[n, i + 1, j, c] + w11 * others[n, i + 1, j + 1, c])
+        total += abs(theirs - mine)
+    return total / 3.0 if total < 3.0 * TRUNCATED else TRUNCATED
+
+
+@parallel_kernel
+def matching_cost(image: F32, first: F32, last: F32, inverse: F64, rays: F64, cams: F64,
+                  others: F32, used: int, front: float, cost: F32) -> None:
+    """Fill the colour disagreement of every pixel at every depth between first and last.
+
+    Args:
+        image: [H, W, 3] of the view.
+        first: [H, W] depth at which the ray enters the hull.
+        last: [H, W] depth at which it leaves.
+        inverse: [D] inverse depths, falling.
+        rays: [H, W, 2] camera x and y per unit of depth.
+        cams: [N, 3, 4] pixels of the other views from this camera's frame.
+        others: [N, H', W', 3] images of the other views.
+        used: so many of the best views count; the rest may be blocked.
+        front: cost per bin behind the hull, which decides where no colour does.
+        cost: [H, W, D] result.
+    """
+    height, width, bins = cost.shape
+    for i in numba.prange(height):
+        seen = np.zeros(len(cams), np.float32)
+        for j in range(width):
+            r, g, b = image[i, j, 0], image[i, j, 1], image[i, j, 2]
+            for k in range(bins):
+                z = 1.0 / inverse[k]
+                if not (first[i, j] <= z <= last[i, j]):
+                    cost[i, j, k] = 2 * TRUNCATED
+                    continue
+                x, y = rays[i, j, 0] * z, rays[i, j, 1] * z
+                for n in range(len(cams)):
+                    m = cams[n]
+                    w = m[2, 0] * x + m[2, 1] * y + m[2, 2] * z + m[2, 3]
+                    u = (m[0, 0] * x + m[0, 1] * y + m[0, 2] * z + m[0, 3]) / w - 0.5
+                    v = (m[1, 0] * x + m[1, 1] * y + m[1, 2] * z + m[1, 3]) / w - 0.5
+                    seen[n] = _difference(others, n, u, v, r, g, b)
+                seen.sort()
+                behind = (1.0 / first[i, j] - inverse[k]) / (inverse[0] - inverse[1])
+                cost[i, j, k] = seen[:used].sum() / used + front * max(behind, 0.0)
+
+
+@inlined
+def _advance(before: F32, cost: F32, big: np.float32, shift: int, least: np.float32, here: F32,
+             total: F32) -> None:
+    """Go on by one pixel: each bin is reached level, along the hull, by one bin or by any step.
+
+    Args:
+        before: [D + 2 STEEP] costs of the pixel before, unreachable at both ends.
+        cost: [D] of this pixel.
+        big: price of any step.
+        shift: bins by which the hull's front moves from pixel to pixel.
+        least: of `before`.
+        here: [D + 2 STEEP] result.
+        total: [D] is added to.
+    """
+    small, floor = np.float32(SMALL_STEP), least + big
+    for k in range(len(cost)):
+        p = k + STEEP
+        left, right = before[p - 1], before[p + 1]
+        side = (left if left < right else right) + small
+        best = before[p] if before[p] < floor else floor
+        best = side if side < best else best
+        along = before[p - shift]
+        best = along if along < best else best
+        here[p] = cost[k] - least + best
+        total[k] += here[p]
+
+
+@kernel
+def _walk(line: np.int64, cost: F32, total: F32, image: F32, mask: NDArray[np.bool_], front: F32,
+          dy: int, dx: int) -> None:
+    """Add the aggregated cost along one path of direction (dy, dx)."""
+    height, width, bins = cost.shape
+    if line < height:
+        if dx == 0:
+            return
+        y, x = int(line), 0 if dx > 0 else width - 1
+    else:
+        y, x = 0 if dy > 0 else height - 1, int(line) - height
+        if dy == 0 or (dx > 0 and x == 0) or (dx < 0 and x == width - 1):
+            return
+    # Unreachable bins at both ends, so that a step beyond the depths needs no test in the loop.
+    before = np.full(bins + 2 * STEEP, UNREACHABLE, np.float32)
+    here = before.copy()
+    start, least = True, np.float32(0.0)
+    while y >= 0 and y < height and x >= 0 and x < width:
+        if not mask[y, x]:
+            start = True
+        else:
+            if start:
+                here[STEEP:STEEP + bins] = cost[y, x]
+                total[y, x] += cost[y, x]
+            else:
+                edge, py, px = 0.0, y - dy, x - dx
+                for c in range(3):
+                    edge = max(edge, abs(image[y, x, c] - image[py, px, c]))
+                big = max(2 * SMALL_STEP, BIG_STEP * np.exp(-edge / EDGE))
+                slope = front[y, x] - front[py, px]
+                shift = int(slope) if abs(slope) < STEEP else 0
+                _advance(before, cost[y, x], np.float32(big), shift, least, here, total[y, x])
+            start, least = False, here.min()
+            before, here = here, before
+        y, x = y + dy, x + dx
+
+
+@parallel_kernel
+def aggregate(cost: F32, total: F32, image: F32, mask: NDArray[np.bool_], front: F32, dy: int,
+              dx: int) -> None:
+    """Add to `total` the cost of the best depth profile along all paths of one direction.
+
+    Args:
+        cost: [H, W, D].
+        total: [H, W, D], summed over directions.
+        image: [H, W, 3]; a colour step makes a depth step cheap.
+        mask: [H, W] pixels of the object.
+        front: [H, W] bin of the hull's front, whole numbers; following its slope costs nothing.
+        dy: direction along rows, -1, 0 or 1.
+        dx: direction along columns, likewise.
+
+    Source: semi-global matching (Hirschmüller 2008) with the hull as slope prior (as in
+    Scharstein et al. 2017).
+    """
+    for line in numba.prange(cost.shape[0] + cost.shape[1]):
+        _walk(np.int64(line), cost, total, image, mask, front, dy, dx)

@@ -1,0 +1,124 @@
+"""Passage: a surfel does not belong to a part that would carry it through another part's front.
+
+The wall of a drawer is unseen while the drawer is closed, and it lies flush with the wall of the
+drawer above. Pulled out with that one, it would pass through the front of its own.
+"""
+
+from __future__ import annotations
+
+from itertools import permutations
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+from part2gs_robotics.model.arrays import F64, Mask
+from part2gs_robotics.model.grid import Grid, index_move
+from part2gs_robotics.model.joint import Joint, move_of
+from part2gs_robotics.model.kinematics import sweep
+from part2gs_robotics.model.se3 import inverse
+from part2gs_robotics.runtime.jit import parallel_kernel
+
+PASS_COST = 0.2  # more than being far from a part may cost, less than a contradiction
+DEPTHS = (-3.0, -2.5, -2.0, -1.5, -1.0)  # cells behind a surface: nearer is noise, farther thin air
+CLEAR = (0.0, 0.5, 1.0)  # cells before it: seen free, also where another surface is close behind
+REAL = 0.25  # of a part's own proofs that pass through the other: they really cross
+STEP = 2.0  # cells between poses: fewer than the layer behind a surface is thick
+MARGIN = 0.1  # of the box around all surfels: what a part sweeps beyond meets nothing
+
+
+def passage_costs(points: F64, normals: F64, late: Mask, proofs: Mask, asked: NDArray[np.int64],
+                  joints: list[Joint], cell: float) -> F64:
+    """Return [M, K+1] what passing through other parts costs surfels under every label.
+
+    Args:
+        points: [N, 3] of all surfels, each in its own state.
+        normals: [N, 3] outward.
+        late: [N] which surfels are of state 1.
+        proofs: [N, K+1] surfels that surely have a label.
+        asked: [M] rows of the surfels asked about.
+        joints: of parts 1..K, carriers' motions within.
+        cell: size of a surfel, scene units.
+    """
+    labels = range(len(joints) + 1)
+    parents = _parents(joints)
+    grid = _around(points, cell)
+    placed = [_at_0(points, normals, late, move_of(joints[k - 1]) if k else np.eye(4))
+              for k in labels]
+    layers = {k: _layer(placed[k][0][proofs[:, k]], placed[k][1][proofs[:, k]], grid)
+              for k in labels if k}
+    corners = _corners(points)
+    hits = np.zeros((len(asked), len(joints) + 1), bool)
+    for k, other in permutations(labels, 2):
+        if not other or not proofs[:, other].any():  # whatever stands still was seen twice
+            continue
+        poses = sweep(other, k, joints, parents, corners, STEP * cell)
+        moves = index_move(grid, poses, Grid(np.zeros(3), 1.0, grid.shape))
+        own = placed[k][0][proofs[:, k]]
+        if not k or len(own) == 0 or _meets(own, moves, layers[other]).mean() < REAL:
+            hits[:, k] |= _meets(placed[k][0][asked], moves, layers[other])
+    return PASS_COST * (hits - hits.min(1, keepdims=True).astype(float))
+
+
+def _parents(joints: list[Joint]) -> list[int]:
+    """Return the part that carries each part: the one whose motion its joint knows."""
+    moves = [move_of(j) for j in joints]
+    out = []
+    for joint in joints:
+        gaps = [np.inf if joint.carrier is None else float(np.abs(m - joint.carrier).max())
+                for m in moves]
+        out.append(1 + int(np.argmin(gaps)) if joint.carrier is not None else 0)
+    return out
+
+
+def _around(points: F64, cell: float) -> Grid:
+    low, high = points.min(0), points.max(0)
+    margin = MARGIN * float((high - low).max())
+    return Grid.around(low - margin, high + margin, cell)
+
+
+def _corners(points: F64) -> F64:
+    ends = points.min(0), points.max(0)
+    pick = np.array([[i, j, k] for i in (0, 1) for j in (0, 1) for k in (0, 1)])
+    return np.where(pick, ends[1], ends[0])
+
+
+def _at_0(points: F64, normals: F64, late: Mask, move: F64) -> tuple[F64, F64]:
+    """Return points and normals where a motion puts them at state 0."""
+    back = inverse(move)
+    turn, shift = back[:3, :3], back[:3, 3]
+    return (np.where(late[:, None], points @ turn.T + shift, points),
+            np.where(late[:, None], normals @ turn.T, normals))
+
+
+def _layer(points: F64, normals: F64, grid: Grid) -> Mask:
+    """Return the cells just behind oriented points and before none of them."""
+    out = np.zeros(grid.shape, bool)
+    for depths, value in ((DEPTHS, True), (CLEAR, False)):
+        for depth in depths:
+            index = np.rint((points + depth * grid.voxel * normals - grid.lo) / grid.voxel)
+            index = index[((index >= 0) & (index < grid.shape)).all(1)].astype(np.int64)
+            out[tuple(index.T)] = value
+    return out
+
+
+def _meets(points: F64, moves: F64, layer: Mask) -> Mask:
+    """Return [N] whether a point is in the layer in any of the poses, maps to cells [P, 4, 4]."""
+    out = np.zeros(len(points), bool)
+    _meet(np.ascontiguousarray(points), moves, layer, out)
+    return out
+
+
+@parallel_kernel
+def _meet(points: F64, moves: F64, layer: Mask, out: Mask) -> None:
+    nx, ny, nz = layer.shape
+    for n in numba.prange(len(points)):
+        x, y, z = points[n, 0], points[n, 1], points[n, 2]
+        for p in range(len(moves)):
+            m = moves[p]
+            u = round(m[0, 0] * x + m[0, 1] * y + m[0, 2] * z + m[0, 3])
+            v = round(m[1, 0] * x + m[1, 1] * y + m[1, 2] * z + m[1, 3])
+            w = round(m[2, 0] * x + m[2, 1] * y + m[2, 2] * z + m[2, 3])
+            if 0 <= u < nx and 0 <= v < ny and 0 <= w < nz and layer[u, v, w]:
+                out[n] = True
+                break

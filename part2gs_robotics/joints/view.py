@@ -1,0 +1,148 @@
+"""One view's share of the equations that align joints to the images."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from part2gs_robotics.joints.align_system import System
+from part2gs_robotics.joints.pixels import CHANNELS, CHUNKS, slopes, sums
+from part2gs_robotics.model.arrays import F32, F64
+from part2gs_robotics.model.small_views import SmallViews
+from part2gs_robotics.render.rendered import Rendered
+
+ALPHA_GAIN = 0.6  # silhouettes beside colours: no shading error, but mask edges of half a pixel
+MIN_OWN = 0.35  # share of a pixel a part must have to speak for it
+OCCLUSION = (
+    0.01  # of the diagonal: something this much nearer moves the edge, not the part behind it
+)
+RIM = 3  # pixels that a part's depth is carried over its rim, where the blurred edge lies
+BLURRED = 4.0  # deviations that a blur reaches, in OpenCV as well
+
+
+@dataclass(frozen=True)
+class _Window:
+    """One part's share of a view: all that its pixels ask for, and no more.
+
+    Attributes:
+        color: [h, w, 3].  alpha, depth, share: [h, w].  photo: [h, w, 3] and mask [h, w].
+        K: [3, 3] of the window.  edges: rows and columns that begin and end where the image does.
+    """
+
+    color: F32
+    alpha: F32
+    depth: F32
+    share: F32
+    photo: F32
+    mask: F32
+    K: F64
+    edges: tuple[bool, bool, bool, bool]
+
+
+def add_view(
+    systems: list[System], rates: list[F64], out: Rendered, small: SmallViews, v: int, diag: float,
+    blur: float, robust: float,
+) -> None:
+    """Add one view to the systems of all parts.
+
+    Args:
+        systems: of parts 1..K, added to.
+        rates: of every part, [P, 4, 4] velocity of a point per unit of each parameter.
+        out: the moved Gaussians drawn in this view; extra channels are shares of parts 0..K.
+        small: photos of the state.
+        v: the view.
+        diag: diagonal of the object in scene units.
+        blur: of both images, pixels.
+        robust: colour difference at which a pixel counts a quarter.
+    """
+    reach = RIM + int(np.ceil(BLURRED * blur)) + 1  # one more for the slope
+    for k, system in enumerate(systems):
+        window = _window(out, small, v, k + 1, reach)
+        if window is not None:
+            _add_part(system, rates[k], window, small.viewmats[v], diag, blur, robust)
+
+
+def _window(out: Rendered, small: SmallViews, v: int, part: int, reach: int) -> _Window | None:
+    """Return what a part shows of a view and `reach` pixels around it; None if that is nothing."""
+    shown = out.extra[..., part] > 0
+    rows, cols = np.flatnonzero(shown.any(1)), np.flatnonzero(shown.any(0))
+    if not len(rows):
+        return None
+    height, width = shown.shape
+    top, left = max(rows[0] - reach, 0), max(cols[0] - reach, 0)
+    bottom, right = min(rows[-1] + 1 + reach, height), min(cols[-1] + 1 + reach, width)
+    cut = slice(top, bottom), slice(left, right)
+    K = small.Ks[v].copy()
+    K[:2, 2] -= left, top
+    edges = top == 0, bottom == height, left == 0, right == width
+    return _Window(out.color[cut], out.alpha[cut], out.depth[cut],
+                   np.ascontiguousarray(out.extra[(*cut, part)]), small.colors[v][cut],
+                   small.alphas[v][cut], K, edges)
+
+
+def _add_part(system: System, rates: F64, w: _Window, view: F64, diag: float, blur: float,
+              robust: float) -> None:
+    def soft(image: F32) -> F32:
+        return cv2.GaussianBlur(image, (0, 0), blur)
+
+    drawn = soft(cv2.merge([w.color, ALPHA_GAIN * w.alpha]))
+    photo = soft(cv2.merge([w.photo, ALPHA_GAIN * w.mask]))
+    z = np.where(w.alpha > 0.05, w.depth / np.maximum(w.alpha, 0.05), 0.0).astype(np.float32)
+    cover = soft(w.alpha)
+    own: F32 = (soft(w.share) / np.maximum(cover, 0.02)).astype(np.float32)
+    pixels = (own > MIN_OWN) & (cover > 0.1) & ~_hidden_edge(z, w.share, diag)
+    for border, outer in zip((pixels[:2], pixels[-2:], pixels[:, :2], pixels[:, -2:]), w.edges,
+                             strict=True):
+        border &= not outer
+    part_z = _spread_depth(z, w.share)
+    pixels &= part_z > 0
+    if pixels.sum() > 20:
+        _add_pixels(system, rates, np.nonzero(pixels), part_z, drawn, photo, own, w.K, view, robust)
+
+
+def _spread_depth(z: F32, own: F32) -> F32:
+    """Depth of the part, carried RIM pixels over its rim where the blurred edge lies."""
+    size = (2 * RIM + 1,) * 2
+    inside = np.where((own > 0.5) & (z > 0), z, 0).astype(np.float32)
+    weight = (inside > 0).astype(np.float32)
+    return cv2.blur(inside, size) / np.maximum(cv2.blur(weight, size), 1e-6)
+
+
+def _hidden_edge(z: F32, own: F32, diag: float) -> NDArray[np.bool_]:
+    other = np.where((z > 0) & (own < 0.5), z, np.float32(1e9)).astype(np.float32)
+    nearest_other = cv2.erode(other, np.ones((5, 5), np.uint8))
+    return np.asarray((own >= 0.2) & (nearest_other < z - OCCLUSION * diag))
+
+
+def _add_pixels(
+    system: System,
+    rates: F64,
+    index: tuple[NDArray[np.intp], ...],
+    z: F32,
+    drawn: F32,
+    photo: F32,
+    own: F32,
+    K: F64,
+    view: F64,
+    robust: float,
+) -> None:
+    rows, cols = index
+    jac, total = np.zeros((len(rows), CHANNELS, len(rates))), np.zeros((CHUNKS, 3, len(rates)))
+    slopes(rows, cols, z, drawn, own, rates, K, view, jac, total)
+    residual = photo[index].astype(np.float64) - drawn[index]
+    # Light is fixed in the world: a turned face changes brightness as a whole, which is no motion.
+    residual[:, :3] -= np.median(residual[:, :3], 0)
+    if system.patches is not None:
+        system.patches.add(rows, cols, z, drawn, own, rates, (K, view), residual, robust)
+    mean = np.zeros((CHANNELS, len(rates)))
+    mean[:3] = total.sum(0) / len(rows)
+    h, g = np.zeros((CHUNKS, *system.h.shape)), np.zeros((CHUNKS, *system.g.shape))
+    error, count = np.zeros(CHUNKS), np.zeros(CHUNKS)
+    sums(jac, mean, residual, robust, h, g, error, count)
+    system.h += h.sum(0)
+    system.g += g.sum(0)
+    system.error += float(error.sum())
+    system.count += float(count.sum())

@@ -1,0 +1,144 @@
+"""Kinematics: where every part of a twin is, for given joint positions."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from part2gs_robotics.model.arrays import F64
+from part2gs_robotics.model.joint import Joint
+from part2gs_robotics.model.se3 import inverses
+from part2gs_robotics.model.twin import Part, Twin
+
+MOST_POSES = 160  # poses per sweep; more would step less than half a voxel at 192 voxels
+COARSE_POSES = 17  # of a path: enough to measure how long it is
+FEWEST_POSES = 21  # the simulator checks measure interpenetration at 21 joint values
+
+
+def moving_parts(twin: Twin) -> tuple[int, ...]:
+    """Return the indices of the parts that have a degree of freedom, in order."""
+    return tuple(i for i, p in enumerate(twin.parts) if moves(p))
+
+
+def moves(part: Part) -> bool:
+    """Say whether a part has a degree of freedom."""
+    return part.joint is not None and part.joint.kind != "fixed"
+
+
+def part_transforms(twin: Twin, positions: Sequence[float]) -> list[NDArray[np.float64]]:
+    """Return per part [4, 4] world_at_q_from_world_at_0.
+
+    A child is carried by its parent: world_q_from_0(child) = world_q_from_0(parent) joint(q).
+
+    Args:
+        twin: parents before children.
+        positions: one per moving part, rad or scene units.
+    """
+    at = dict(zip(moving_parts(twin), positions, strict=True))
+    out: list[NDArray[np.float64]] = []
+    for i, part in enumerate(twin.parts):
+        parent = out[part.parent] if part.parent >= 0 else np.eye(4)
+        local = part.joint.transform(at.get(i, 0.0)) if part.joint is not None else np.eye(4)
+        out.append(parent @ local)
+    return out
+
+
+def subtree(twin: Twin, index: int) -> tuple[int, ...]:
+    """Return the part and everything it carries."""
+    carried = {index}
+    for i, part in enumerate(twin.parts):
+        if part.parent in carried:
+            carried.add(i)
+    return tuple(sorted(carried))
+
+
+def children(twin: Twin, index: int) -> tuple[int, ...]:
+    """Return the parts directly carried by a part."""
+    return tuple(i for i, p in enumerate(twin.parts) if p.parent == index)
+
+
+def chain(part: int, joints: Sequence[Joint], parents: Sequence[int],
+          positions: Sequence[float] | F64) -> F64:
+    """Return [4, 4] world_at_q_from_world_at_0 of a part, carried by its parents.
+
+    Args:
+        part: 0 = base.
+        joints: of parts 1..K.
+        parents: parent part of parts 1..K.
+        positions: joint positions of parts 1..K.
+    """
+    return chains(part, joints, parents, np.asarray(positions, np.float64)[None])[0]
+
+
+def chains(part: int, joints: Sequence[Joint], parents: Sequence[int], positions: F64) -> F64:
+    """Return [P, 4, 4] `chain` of [P, K] joint positions."""
+    out = np.tile(np.eye(4), (len(positions), 1, 1))
+    while part > 0:
+        out = joints[part - 1].transforms(positions[:, part - 1]) @ out
+        part = parents[part - 1]
+    return out
+
+
+def ancestors(part: int, parents: Sequence[int]) -> list[int]:
+    """Return the part and the moving parts that carry it, innermost first."""
+    out = []
+    while part > 0:
+        out.append(part)
+        part = parents[part - 1]
+    return out
+
+
+def sweep(part: int, carrier: int, joints: Sequence[Joint], parents: Sequence[int],
+          corners: F64, step: float) -> F64:
+    """Return [P, 4, 4] part_from_carrier: a point of the carrier's frame in the moving part's.
+
+    Every joint of either chain runs through its range with the others at state 0 and at state 1,
+    and all of them together from state 0 to state 1.
+
+    Args:
+        part: the part that sweeps.
+        carrier: the part that is swept.
+        joints: of parts 1..K.
+        parents: of parts 1..K.
+        corners: [8, 3] box of the sweeping part, to bound how far it moves.
+        step: no corner may move further between two poses, scene units.
+    """
+    values = np.array([j.value for j in joints])
+    involved = sorted(set(ancestors(part, parents)) ^ set(ancestors(carrier, parents)))
+    paths = [(np.zeros(len(joints)), values)]
+    if len(involved) > 1:
+        for mover in involved:
+            for others in (np.zeros(len(joints)), values):
+                start, end = others.copy(), others.copy()
+                start[mover - 1], end[mover - 1] = 0.0, values[mover - 1]
+                paths.append((start, end))
+    poses = []
+    for start, end in paths:
+        def relative(count: int, a: F64 = start, b: F64 = end) -> F64:
+            q = a + np.linspace(0, 1, count)[:, None] * (b - a)
+            return np.asarray(inverses(chains(part, joints, parents, q))
+                              @ chains(carrier, joints, parents, q))
+
+        poses.append(relative(_pose_count(relative, corners, step)))
+    return np.concatenate(poses)
+
+
+def _pose_count(relative: Callable[[int], F64], corners: F64, step: float) -> int:
+    """Return how many poses keep every corner's move below a step."""
+    coarse = inverses(relative(COARSE_POSES))
+    path = np.einsum("pij,nj->pni", coarse[:, :3, :3], corners) + coarse[:, None, :3, 3]
+    longest = float(np.linalg.norm(np.diff(path, axis=0), axis=2).sum(0).max())
+    return int(np.clip(np.ceil(longest / step) + 1, FEWEST_POSES, MOST_POSES))
+
+
+def part_motions(joints: Sequence[Joint], parents: Sequence[int] | None = None) -> list[F64]:
+    """Return K+1 [4, 4] state1_from_state0 in the world; the base first, chains composed."""
+    parents = [0] * len(joints) if parents is None else list(parents)
+    own = [np.eye(4), *(joint.transform(joint.value) for joint in joints)]
+
+    def motion(part: int) -> F64:
+        return own[0] if part == 0 else motion(parents[part - 1]) @ own[part]
+
+    return [motion(part) for part in range(len(own))]

@@ -1,0 +1,56 @@
+"""What the articulation finds: the part of every Gaussian, and the joints."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from part2gs_robotics.model.joint import Joint
+
+
+@dataclass(frozen=True)
+class Motion:
+    """Result of the articulation room.
+
+    Attributes:
+        part_probs: per state, [N_s, K+1] float32 part identity of every Gaussian; column 0 = base.
+        joints: K joints, of parts 1..K.
+        parents: K parent part indices (0 = base).
+        diagnostics: per moving part, losses and residuals by name.
+        notes: decisions worth reporting.
+    """
+
+    part_probs: tuple[NDArray[np.float32], NDArray[np.float32]]
+    joints: tuple[Joint, ...]
+    parents: tuple[int, ...]
+    diagnostics: tuple[dict[str, float], ...] = ()
+    notes: tuple[str, ...] = ()
+    seconds: dict[str, float] = field(default_factory=dict)
+
+    def labels(self, state: int) -> NDArray[np.int64]:
+        """Return [N_s] the most likely part of every Gaussian of a state."""
+        return np.asarray(self.part_probs[state].argmax(1), np.int64)
+
+
+def without_part(motion: Motion, part: int, note: str) -> Motion:
+    """Return the motion without a part that carries none; what it had goes to its carrier.
+
+    Args:
+        motion: with the part.
+        part: 1..K.
+        note: why, worth reporting.
+    """
+    keep = [k for k in range(len(motion.joints)) if k != part - 1]
+    probs = []
+    for old in motion.part_probs:
+        new = np.delete(old, part, axis=1)
+        parent = motion.parents[part - 1]
+        new[:, parent - (parent > part)] += old[:, part]
+        probs.append(new)
+    return replace(
+        motion, part_probs=(probs[0], probs[1]), joints=tuple(motion.joints[k] for k in keep),
+        parents=tuple(p - (p > part) for p in (motion.parents[k] for k in keep)),
+        diagnostics=tuple(d for k, d in enumerate(motion.diagnostics) if k != part - 1),
+        notes=(*motion.notes, note))

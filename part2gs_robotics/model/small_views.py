@@ -1,0 +1,71 @@
+"""Small views: a few spread-out photos of one state at low resolution."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from part2gs_robotics.model.arrays import F64
+from part2gs_robotics.model.scene import StateViews
+
+
+@dataclass(frozen=True)
+class SmallViews:
+    """A few views of one state at low resolution.
+
+    Attributes:
+        colors: [V, H, W, 3] premultiplied, 0..1.  alphas: [V, H, W] 0..1.
+        Ks: [V, 3, 3] of the small images.  viewmats: [V, 4, 4] camera_from_world.
+    """
+
+    colors: NDArray[np.float32]
+    alphas: NDArray[np.float32]
+    Ks: F64
+    viewmats: F64
+
+    def select(self, index: list[int]) -> SmallViews:
+        """Return the views of these indices."""
+        return SmallViews(self.colors[index], self.alphas[index], self.Ks[index],
+                          self.viewmats[index])
+
+    def every(self, step: int) -> SmallViews:
+        """Return one view of every `step`."""
+        return self.select(list(range(0, len(self.colors), step)))
+
+
+def spread(viewmats: F64, count: int) -> list[int]:
+    """Return indices of up to `count` cameras [V, 4, 4] far from each other, in order."""
+    centres = np.stack([-m[:3, :3].T @ m[:3, 3] for m in viewmats])
+    pick = [0]
+    gap = np.full(len(centres), np.inf)
+    for _ in range(min(count, len(centres)) - 1):
+        gap = np.minimum(gap, ((centres - centres[pick[-1]]) ** 2).sum(1))
+        pick.append(int(gap.argmax()))
+    return sorted(pick)
+
+
+def small_views(state: StateViews, count: int, side: int) -> SmallViews:
+    """Return `count` training views spread over the sphere, longest side `side` pixels."""
+    train = np.flatnonzero(~state.held_out)
+    index = train[spread(state.viewmats[train], count)]
+    scale = min(1.0, side / max(state.width, state.height))
+    size = (max(1, round(state.width * scale)), max(1, round(state.height * scale)))
+    colors, alphas = [], []
+    for v in index:
+        alpha = state.alphas[v].astype(np.float32) / 255
+        color = state.images[v].astype(np.float32) / 255 * alpha[..., None]
+        colors.append(cv2.resize(color, size, interpolation=cv2.INTER_AREA))
+        alphas.append(cv2.resize(alpha, size, interpolation=cv2.INTER_AREA))
+    Ks = state.Ks[index].copy()
+    Ks[:, 0] *= size[0] / state.width
+    Ks[:, 1] *= size[1] / state.height
+    return SmallViews(np.stack(colors), np.stack(alphas), Ks, state.viewmats[index])
+
+
+def both_small(states: tuple[StateViews, StateViews], count: int, side: int,
+               ) -> tuple[SmallViews, SmallViews]:
+    """Return `small_views` of both states."""
+    return small_views(states[0], count, side), small_views(states[1], count, side)

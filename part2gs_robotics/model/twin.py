@@ -1,0 +1,71 @@
+"""Twin: the neutral description every exporter, check and report reads."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from part2gs_robotics.model.joint import Joint
+
+
+@dataclass(frozen=True)
+class PartMesh:
+    """Closed surface of one part, in the world frame at state 0, scene units.
+
+    Attributes:
+        vertices: [V, 3].  faces: [F, 3] outward.  colors: [V, 3] uint8.
+        synthesised: share of the surface area nobody saw, 0..1.
+    """
+
+    vertices: NDArray[np.float64]
+    faces: NDArray[np.int64]
+    colors: NDArray[np.uint8]
+    synthesised: float = 0.0
+
+
+@dataclass(frozen=True)
+class Part:
+    """One rigid part: `base` (index 0) or `part_1`, `part_2`, ...
+
+    Attributes:
+        name: file-safe name.  parent: index of the part that carries it (-1 for the base).
+        mesh: visual mesh.  pieces: convex collision pieces (world frame at state 0).
+        joint: None for the base; axis and origin in the world frame at state 0.
+        limits: joint range [2] covering 0 and joint.value.
+        limits_source: measured | assumed | fitted.
+        num_gaussians: Gaussians of both states that carry this identity.
+        diagnostics: losses and residuals of the optimiser for this part (contact_loss,
+            vector_field_loss, motion_residual, ...), reported beside the measured overlap.
+    """
+
+    name: str
+    parent: int
+    mesh: PartMesh
+    pieces: tuple[PartMesh, ...]
+    joint: Joint | None
+    limits: tuple[float, float] = (0.0, 0.0)
+    limits_source: str = "measured"
+    num_gaussians: int = 0
+    diagnostics: dict[str, float] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Twin:
+    """Parts with joints; part 0 is the base; joint position 0 is state 0.
+
+    Attributes:
+        name: model name.  parts: base first, parents before children.
+        meters_per_unit: None = unknown (exporters then take `assumed_meters` and say so).
+        up: [3] unit, None = unknown (exporters then assume +z and say so).
+        notes: fallbacks and assumptions, one sentence each.
+        assumed_meters: metres per unit that masses and gravity take when nobody knows them.
+    """
+
+    name: str
+    parts: tuple[Part, ...]
+    meters_per_unit: float | None = None
+    up: NDArray[np.float64] | None = None
+    notes: tuple[str, ...] = ()
+    assumed_meters: float = 1.0

@@ -1,0 +1,128 @@
+"""What a report says, and how checks and provenance are read out of nested results."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from part2gs_robotics.model.twin import Twin
+
+STATUSES = ("pass", "fail", "skipped", "incomplete")
+
+
+@dataclass(frozen=True)
+class ReportData:
+    """All that a report says.
+
+    Attributes:
+        scene: name of the scene.  layout: layout it was read in.  exit_code: of the whole build.
+        twin: the result.
+        counts: what the scene holds (views per state, width, height, Gaussians, ...).
+        stage_seconds: stage name -> wall seconds, in order.
+        plan: (stage or term, used, reason) in order.
+        curves: (label, ((seconds, held-out PSNR in dB), ...)).
+        pictures: (caption, photo, render), both [H, W, 3 or 4] uint8.
+        checks: result of the simulator checks as JSON-like values; every mapping in it that has a
+            `status` (pass | fail | skipped | incomplete) is one check, with optional `value`,
+            `limit`, `unit` and `note`.
+        assumed: numbers that nobody measured, one sentence each, beside those marked `assumed`
+            in the folder's twin.yaml.
+        notes: fallbacks and what was left out, one sentence each.
+    """
+
+    scene: str
+    layout: str
+    exit_code: int
+    twin: Twin
+    counts: Mapping[str, float] = field(default_factory=dict)
+    stage_seconds: Mapping[str, float] = field(default_factory=dict)
+    plan: tuple[tuple[str, bool, str], ...] = ()
+    curves: tuple[tuple[str, tuple[tuple[float, float], ...]], ...] = ()
+    pictures: tuple[tuple[str, NDArray[np.uint8], NDArray[np.uint8]], ...] = ()
+    checks: Mapping[str, object] = field(default_factory=dict)
+    assumed: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class CheckRow:
+    """One check: `name`, `status`, measured `value` against `limit`, `note`."""
+
+    name: str
+    status: str
+    value: str = ""
+    limit: str = ""
+    note: str = ""
+
+
+def check_rows(checks: Mapping[str, object]) -> tuple[CheckRow, ...]:
+    """Return every mapping with a `status` inside `checks`, by its own `name` or its path."""
+    return tuple(_walk_checks(checks, ()))
+
+
+def check_notes(checks: Mapping[str, object]) -> tuple[str, ...]:
+    """Return what the checks substituted, decimated or left out."""
+    notes = checks.get("notes")
+    return tuple(str(note) for note in notes) if isinstance(notes, list | tuple) else ()
+
+
+def assumed_numbers(description: object) -> tuple[str, ...]:
+    """Return one line for each `{value, source: assumed}` in the content of a twin.yaml."""
+    return tuple(
+        f"{path}: {_short(entry['value'])}" + (f" ({entry['note']})" if entry.get("note") else "")
+        for path, entry in _walk_values(description, ())
+        if entry.get("source") == "assumed"
+    )
+
+
+def _walk_checks(value: object, path: tuple[str, ...]) -> Iterator[CheckRow]:
+    if isinstance(value, Mapping):
+        if value.get("status") in STATUSES:
+            yield _check_row(value, path)
+        for key, inner in value.items():
+            yield from _walk_checks(inner, (*path, str(key)))
+    elif isinstance(value, list | tuple):
+        for i, inner in enumerate(value):
+            own = inner.get("name") if isinstance(inner, Mapping) else None
+            yield from _walk_checks(inner, (*path, str(own or i)))
+
+
+def _check_row(entry: Mapping[str, object], path: tuple[str, ...]) -> CheckRow:
+    unit = str(entry.get("unit") or "")
+    return CheckRow(
+        name=str(entry.get("name") or " · ".join(path) or "verdict"),
+        status=str(entry["status"]),
+        value=_quantity(entry.get("value"), unit),
+        limit=_quantity(entry.get("limit"), unit),
+        note=str(entry.get("note") or entry.get("message") or ""),
+    )
+
+
+def _short(value: object) -> str:
+    if isinstance(value, list):
+        return "[" + ", ".join(_short(v) for v in value) + "]"
+    return f"{value:.4g}" if isinstance(value, float) else str(value)
+
+
+def _quantity(value: object, unit: str) -> str:
+    if value is None or isinstance(value, Mapping | list | tuple):
+        return ""
+    return f"{value:.4g} {unit}".strip() if isinstance(value, float) else f"{value} {unit}".strip()
+
+
+def _walk_values(
+    value: object, path: tuple[str, ...]
+) -> Iterator[tuple[str, Mapping[str, object]]]:
+    if isinstance(value, Mapping):
+        if "value" in value and "source" in value:
+            yield ".".join(path), value
+            return
+        for key, inner in value.items():
+            yield from _walk_values(inner, (*path, str(key)))
+    elif isinstance(value, list):
+        for i, inner in enumerate(value):
+            own = inner.get("name") if isinstance(inner, Mapping) else None
+            yield from _walk_values(inner, (*path, str(own or i)))

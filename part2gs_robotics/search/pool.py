@@ -1,0 +1,39 @@
+"""The pool: motions that compete to explain what moved."""
+
+from __future__ import annotations
+
+import logging
+
+import numpy as np
+
+from part2gs_robotics.config import SearchConfig
+from part2gs_robotics.evidence.study import Study
+from part2gs_robotics.search.cover import choose, propose
+from part2gs_robotics.search.hypothesis import Hypothesis
+from part2gs_robotics.search.snap import distinct, slide_families, snapped
+
+logger = logging.getLogger(__name__)
+
+SHARE_0 = 8 / 22  # of the patches in state 0: the open state shows more of what moved
+POOL_PRICE = 0.004  # of the evidence: what a hypothesis must explain to enter the competition
+POOL_TOP = 12  # hypotheses that are also tried on the object's own directions
+
+
+def find_pool(
+    study: Study, rng: np.random.Generator, moved: int, search: SearchConfig
+) -> list[Hypothesis]:
+    """Return the motions that compete, refined, and turned onto the object's directions too."""
+    first = round(SHARE_0 * search.patches)
+    seeds = first, search.patches - first
+    found = propose(study.evidence, study.lands, study.box, seeds, rng, search.patch_points,
+                    study.straight.directions)
+    ranked = sorted(
+        choose(found, study.evidence, study.lands, study.diag, POOL_PRICE * moved),
+        key=lambda p: -p[1],
+    )
+    top = distinct([h for h, _ in ranked][:POOL_TOP], study)
+    straight = snapped(top, study, rng)
+    families = slide_families([*straight, *top], study, 5 * POOL_PRICE * moved, rng)
+    pool = distinct([*top, *families, *straight], study)
+    logger.info("search: %d patches' motions, %d compete", len(found), len(pool))
+    return pool

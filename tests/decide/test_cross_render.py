@@ -1,0 +1,113 @@
+"""The images of the other state prefer the true motion."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from part2gs_robotics.decide.cross_render import (
+    FAR_SIDE_COST,
+    both_cost,
+    cross_cost,
+    move_gaussians,
+)
+from part2gs_robotics.evidence.light import Light
+from part2gs_robotics.model import se3
+from part2gs_robotics.model.small_views import small_views
+
+SIDE = 80
+
+
+@pytest.fixture(scope="module")
+def moved(toy):
+    """A block slid over a base as Gaussians in both states, with photos of both."""
+    base, block = toy.Box((0, 0, 0), (0.8, 0.6, 0.3), 1), toy.Box((0, 0, 0.3), (0.4, 0.6, 0.6), 2)
+    move = se3.make(np.eye(3), np.array([0.35, 0, 0]))
+    after = toy.Box(block.lo, block.hi, 2, move)
+    Ks, views = toy.cameras(10, SIDE, np.array([0.4, 0.3, 0.3]), 1.3)
+    pairs = [toy.gaussians_of([base, b], 0.025) for b in (block, after)]
+    states = [toy.cast([base, b], Ks, views, SIDE) for b in (block, after)]
+    return (pairs[0][0], pairs[1][0]), (pairs[0][1], pairs[1][1]), move, states
+
+
+def test_the_cost_is_lower_at_the_truth_than_anywhere_off_it(moved):
+    gaussians, labels, move, states = moved
+    views = small_views(states[0], 6, SIDE), small_views(states[1], 6, SIDE)
+    eye = np.eye(4)
+    truth = both_cost(gaussians, labels, [eye, move], views, (0.5, 0.5))
+    for scale in (0.0, 0.8, 1.2, -1.0):
+        off = se3.make(np.eye(3), move[:3, 3] * scale)
+        assert both_cost(gaussians, labels, [eye, off], views, (0.5, 0.5)) > truth + 0.02
+    assert truth < 0.6 * both_cost(gaussians, labels, [eye, eye], views, (0.5, 0.5))
+
+
+@pytest.fixture(scope="module")
+def block(toy):
+    """A block's Gaussians, the normals of its sides, and photos of it."""
+    lo, hi = np.zeros(3), np.array([0.8, 0.6, 0.5])
+    box = toy.Box(tuple(lo), tuple(hi), 1)
+    Ks, views = toy.cameras(8, SIDE, 0.5 * hi, 1.3)
+    gaussians = toy.gaussians_of([box], 0.025)[0]
+    gaps = np.concatenate([gaussians.means - lo, hi - gaussians.means], 1)
+    normals = np.concatenate([-np.eye(3), np.eye(3)])[gaps.argmin(1)]
+    return gaussians, normals, small_views(toy.drawn(gaussians, Ks, views, SIDE), 6, SIDE)
+
+
+def test_paint_of_a_side_that_was_not_seen_is_no_evidence(block):
+    gaussians, normals, views = block
+    labels, still = np.zeros(len(gaussians), np.int64), [np.eye(4)]
+    wrong = 1.0 - gaussians.colors
+
+    def cost(colors, normals):
+        return cross_cost(gaussians, labels, still, views, colors, normals)
+
+    seen, plain = (cost(gaussians.colors, n) for n in (normals, None))
+    assert seen == pytest.approx(plain, abs=0.03)  # edges show a little of the next side
+    inside, told = cost(gaussians.colors, -normals), cost(wrong, normals) - seen
+    assert told > 0.2
+    assert cost(wrong, -normals) - inside < 0.2 * told  # at edges the inside of a face is seen
+    assert inside == pytest.approx(FAR_SIDE_COST, abs=0.05)
+
+
+def test_normals_turn_with_their_parts(block):
+    gaussians, normals, _ = block
+    labels = (gaussians.means[:, 0] > 0.4).astype(np.int64)
+    turn = se3.screw_motion(np.array([0.0, 0.6, 0.8]), np.array([0.1, 0, 0]), 0.8, 0.1)
+    there = Light(np.zeros(8), (normals, normals)).turned(1, labels, [np.eye(4), turn])
+    np.testing.assert_array_equal(there[labels == 0], normals[labels == 0])
+    np.testing.assert_allclose(there[labels == 1], normals[labels == 1] @ turn[:3, :3].T)
+
+
+def test_both_directions_add_up_and_a_weightless_one_is_left_out(moved):
+    gaussians, labels, move, states = moved
+    views = small_views(states[0], 3, 48), small_views(states[1], 3, 48)
+    moves, back = [np.eye(4), move], [np.eye(4), se3.inverse(move)]
+    there = cross_cost(gaussians[0], labels[0], moves, views[1])
+    home = cross_cost(gaussians[1], labels[1], back, views[0])
+    both = both_cost(gaussians, labels, moves, views, (0.3, 0.7))
+    assert both == pytest.approx(0.3 * there + 0.7 * home)
+    assert both_cost(gaussians, labels, moves, views, (1.0, 0.0)) == pytest.approx(there)
+
+
+def test_only_the_part_moves_and_it_turns_with_its_motion(moved):
+    gaussians, labels, _, _ = moved
+    turn = se3.screw_motion(np.array([0.0, 0.6, 0.8]), np.array([0.1, 0, 0]), 0.8, 0.1)
+    means, quats = move_gaussians(gaussians[0], labels[0], [np.eye(4), turn])
+    base, own = labels[0] == 0, labels[0] == 1
+    assert np.array_equal(means[base], gaussians[0].means[base])
+    expected = se3.apply(turn, gaussians[0].means[own].astype(float))
+    assert np.allclose(means[own], expected, atol=1e-6)
+    there = turn[:3, :3] @ se3.rotation_from_quats(gaussians[0].quats[own])
+    assert np.allclose(se3.rotation_from_quats(quats[own]), there, atol=1e-5)
+
+
+def test_small_views_are_spread_training_views_with_scaled_cameras(moved):
+    from dataclasses import replace
+
+    state = replace(moved[3][0], held_out=np.arange(10) == 0)
+    small = small_views(state, 4, SIDE // 2)
+    assert small.colors.shape == (4, SIDE // 2, SIDE // 2, 3)
+    assert np.allclose(small.Ks[:, :2], state.Ks[:4, :2] / 2)
+    assert not (small.viewmats == state.viewmats[0]).all((1, 2)).any()
+    assert small_views(state, 99, SIDE).colors.shape[0] == 9
+    assert (small.colors <= small.alphas[..., None] + 1e-6).all()  # premultiplied

@@ -1,0 +1,133 @@
+"""Surfels are carried by the motion that explains them, and no motion is kept for nothing."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from part2gs_robotics.decide.labelling import (
+    FOREIGN_COST,
+    NEUTRAL_COST,
+    STARTS,
+    UNSEEN_MOVES,
+    Unary,
+    energy_of,
+    label,
+    roughly,
+    unary_costs,
+)
+from part2gs_robotics.evidence.graph import Graph, build_graph
+from part2gs_robotics.evidence.landing import FREE_COST
+from part2gs_robotics.model import se3
+from part2gs_robotics.search.hypothesis import Hypothesis
+
+TAU = 0.03
+
+
+def parts_of(world):
+    """Return surfels, landing grids, the true motion, and which surfels are surely the part's."""
+    states = tuple(s.surfels for s in world.states)
+    lands = tuple(s.land for s in world.states)
+    truth = Hypothesis(0, world.axis, np.array([0.2, 0.3, 0.4]), world.value)
+    lo, hi = np.array(world.block.lo), np.array(world.block.hi)
+    own = []
+    for s, back in zip(states, (np.eye(4), se3.inverse(truth.move)), strict=True):
+        points = se3.apply(back, s.points)
+        own.append(((points > lo - 0.005) & (points < hi + 0.005)).all(1))
+    return states, lands, truth, np.concatenate(own)
+
+
+def test_two_boxes_one_moved_are_told_apart(slid):
+    states, lands, truth, own = parts_of(slid)
+    unary = unary_costs([np.eye(4), truth.move], states, lands, TAU)
+    hard, energy = label(unary, build_graph(states))
+    points = np.concatenate([s.points for s in states])
+    seam = np.abs(points[:, 2] - slid.block.lo[2]) < 0.04  # within two voxels of the other box
+    assert (hard == own)[~seam].mean() > 0.97
+    assert (hard == own).mean() > 0.93
+    alone = unary_costs([np.eye(4)], states, lands, TAU)
+    still = label(alone, build_graph(states))
+    assert not still[0].any()
+    assert still[1] > energy + 200
+
+
+def test_meeting_a_surfel_that_another_part_carries_costs_more():
+    """One surfel, met by both motions: who owns the target decides, up to the miss."""
+    unary = Unary(np.array([[0.1, 0.0], [0.0, 0.0]]), np.array([[1, 1], [-1, -1]]),
+                  np.array([[FREE_COST, NEUTRAL_COST], [FREE_COST, NEUTRAL_COST]]))
+    cost = unary.cost(np.array([[0.5, 0.5], [1.0, 0.0]]))
+    assert cost[0] == pytest.approx([0.1, FOREIGN_COST])
+    assert cost[1] == pytest.approx([FREE_COST, NEUTRAL_COST])
+
+
+def test_neighbours_outvote_a_neutral_surfel_but_not_a_clear_one():
+    n = 11
+    neighbors = np.array([[j for j in range(n) if j != i] for i in range(n)])
+    graph = Graph(neighbors, np.ones((n, n - 1)))
+    none = np.full((n, 2), -1)
+    miss = np.tile([0.0, 1.0], (n, 1))
+    miss[0] = [0.3, 0.3]
+    hard, _ = label(Unary(miss, none, miss), graph)
+    assert hard[0] == 0
+    miss[0] = [3.0, 0.0]
+    hard, energy = label(Unary(miss, none, miss), graph)
+    assert hard[0] == 1
+    assert energy == pytest.approx(0.12 * 20)  # ten cut neighbours, seen from both ends
+
+
+def test_what_nothing_shows_rests_and_the_energy_does_not_know():
+    """Unseen at rest and moved, ten neighbours half and half: a tie that goes to the base."""
+    neighbors = np.array([[j for j in range(11) if j != i] for i in range(11)])
+    graph = Graph(neighbors, np.ones((11, 10)))
+    none, miss = np.full((11, 2), -1), np.full((11, 2), NEUTRAL_COST)
+    unary = Unary(miss, none, miss)
+    hard, energy = label(unary, graph, sought=unary.resting)
+    assert not hard.any()
+    assert energy == pytest.approx(11 * NEUTRAL_COST)
+    seen = Unary(miss, none, np.tile([FREE_COST, NEUTRAL_COST], (11, 1)))
+    hard, energy = label(seen, graph, sought=seen.resting)
+    assert hard.all()  # seen empty at rest: a tie no more
+    assert energy == pytest.approx(11 * NEUTRAL_COST)
+    np.testing.assert_array_equal(seen.resting.miss[:, 0], FREE_COST)
+    np.testing.assert_allclose(seen.resting.miss[:, 1], NEUTRAL_COST + UNSEEN_MOVES)
+
+
+def wall_between_two_drawers(width, high=40, deep=5):
+    """A wall that slides along itself under both drawers' motions; only its rims show it rests."""
+    wide = width + 2 * deep
+    row, column = np.divmod(np.arange(high * wide), wide)
+    steps = [(a, b) for a in (-1, 0, 1) for b in (-1, 0, 1) if (a, b) != (0, 0)]
+    ring = [np.clip(row + a, 0, high - 1) * wide + np.clip(column + b, 0, wide - 1)
+            for a, b in steps]
+    first, second = column < deep, column >= width + deep
+    target = np.tile(np.arange(len(row))[:, None], (1, 3))
+    target[first[:, None] & (np.arange(3) != 1)] = -1
+    target[second[:, None] & (np.arange(3) != 2)] = -1
+    target[~first & ~second & ((row == 0) | (row == high - 1)), 1:] = -1
+    unary = Unary(np.zeros(target.shape), target, np.full(target.shape, FREE_COST))
+    graph = Graph(np.stack(ring, 1).astype(np.int32), np.ones((len(row), 8), np.float32))
+    return unary, graph, np.where(first, 1, np.where(second, 2, 0))
+
+
+@pytest.mark.parametrize("width", [10, 40])
+def test_the_better_start_wins(width):
+    """A wide wall rests; a narrow one is cheaper shared. No start finds both, the energy tells."""
+    unary, graph, rests = wall_between_two_drawers(width)
+    _, energy = label(unary, graph)
+    assert energy < 1.05 * energy_of(unary, graph, rests)
+    alone = [label(unary, graph, starts=(lean,))[1] for lean in STARTS]
+    assert energy == min(alone)
+    assert (alone[0] < alone[1]) == (width == 10)
+    hard, rough, better = roughly(unary, graph)
+    assert better == STARTS[width == 40], "one sweep per step tells the starts apart"
+    assert rough == energy_of(unary, graph, hard)
+
+
+def test_the_graph_stays_within_a_state_and_prefers_alike_normals(slid):
+    states, _, _, _ = parts_of(slid)
+    graph, n0 = build_graph(states), len(states[0])
+    assert (graph.neighbors[:n0] < n0).all()
+    assert (graph.neighbors[n0:] >= n0).all()
+    normals = np.concatenate([s.normals for s in states])
+    cosine = (normals[graph.neighbors] * normals[:, None]).sum(-1)
+    assert graph.weights[cosine > 0.9].mean() > 2 * graph.weights[cosine < 0.1].mean()

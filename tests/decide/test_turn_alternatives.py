@@ -1,0 +1,185 @@
+"""A panel landed with its ends exchanged is found out, and competes with the true turn."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from part2gs_robotics.decide.judge import INCOHERENT, NEAR, Judge
+from part2gs_robotics.decide.lesser import LARGE, lessened
+from part2gs_robotics.decide.turn_alternatives import calmed, joint_near, righted
+from part2gs_robotics.evidence.study import gather
+from part2gs_robotics.model import se3
+from part2gs_robotics.search.hypothesis import Hypothesis
+
+TRUTH = Hypothesis(1, np.array([0.0, 0, 1]), np.array([0.0, -0.05, 0.0]), -0.9)
+DOOR = np.array([[x, y, z] for x in (0, 0.8) for y in (-0.05, -0.01) for z in (0, 0.6)])
+MIDDLE = DOOR.mean(0)
+DIAG = 1.2
+
+
+@pytest.fixture(scope="module")
+def judge(toy):
+    """A door turned by -0.9 rad about its edge: the judge of the study."""
+    base = toy.Box((0, 0, 0), (0.8, 0.6, 0.6), 1)
+    door = toy.Box((0, -0.05, 0), (0.8, -0.01, 0.6), 3)
+    pair = [toy.gaussians_of([base, replace(door, move=move)], 0.04)[0]
+            for move in (np.eye(4), TRUTH.move)]
+    eyes = toy.cameras(16, 56, np.array([0.4, 0.1, 0.3]), 1.2)
+    scene = toy.scene_of(tuple(toy.drawn(g, *eyes, 56) for g in pair))
+    return Judge(gather(scene, (pair[0], pair[1])))
+
+
+def test_a_door_with_its_ends_exchanged_is_put_right(judge):
+    wrong = joint_near(TRUTH.move @ se3.screw_motion(TRUTH.axis, MIDDLE, np.pi, 0.0), MIDDLE, 1.0)
+    assert np.linalg.norm((wrong.origin - TRUTH.origin)[:2]) > 0.2
+    said = []
+    found = righted(judge, judge.judge([wrong]), said.append)
+    assert len(said) == 1
+    gaps = [np.linalg.norm(se3.apply(h.move, DOOR) - se3.apply(TRUTH.move, DOOR), axis=1).max()
+            for h in (wrong, found.motions[0])]
+    assert gaps[0] > 0.5
+    assert gaps[1] < 0.05  # within reach of the alignment
+
+
+def test_a_hinge_beside_its_part_stays_whatever_costs_less(judge, monkeypatch):
+    """The lid of a bin with its ends exchanged costs less before joints are aligned."""
+    verdict = judge.judge([TRUTH])
+    monkeypatch.setattr(judge, "judge", lambda _motions: pytest.fail("nothing is tried"))
+    assert righted(judge, verdict, pytest.fail) is verdict
+
+
+def test_what_is_right_stays_and_slides_have_no_other_way_round(judge):
+    for h in (TRUTH, Hypothesis(0, TRUTH.axis, TRUTH.origin, 0.2)):
+        verdict = judge.judge([h])
+        assert righted(judge, verdict, pytest.fail) is verdict
+
+
+@pytest.mark.parametrize("angle", [0.2, 1.0, 3.0])
+def test_a_turn_is_the_turn_that_it_is(angle):
+    axis = np.array([1.0, 2, -0.5]) / np.linalg.norm([1.0, 2, -0.5])
+    origin, centre = np.array([0.3, -0.2, 0.4]), np.array([0.1, 0.2, 0.3])
+    found = joint_near(se3.screw_motion(axis, origin, angle, 0.0), centre, DIAG)
+    assert np.allclose(found.move, se3.screw_motion(axis, origin, angle, 0.0), atol=1e-9)
+
+
+def test_a_screw_is_no_joint_and_what_hardly_turns_is_a_slide():
+    axis, centre = np.array([0.0, 0, 1]), np.zeros(3)
+    assert joint_near(se3.screw_motion(axis, centre, 1.0, 0.2 * DIAG), centre, DIAG) is None
+    assert joint_near(np.eye(4), centre, DIAG) is None
+    slide = joint_near(se3.make(np.eye(3), 0.3 * axis), centre, DIAG)
+    assert slide.kind == 0
+    assert np.allclose(slide.move[:3, 3], 0.3 * axis)
+
+
+def test_a_hinge_in_the_air_costs_more_than_it_leaves(judge):
+    right = judge.judge([TRUTH])
+    assert right.air == 0.0
+    assert right.cost == pytest.approx(right.surfel_cost + right.image_cost)
+    wrong = joint_near(TRUTH.move @ se3.screw_motion(TRUTH.axis, MIDDLE, np.pi, 0.0), MIDDLE, 1.0)
+    there = judge.judge([wrong])
+    assert there.air > 0.8
+    assert there.cost >= there.surfel_cost + there.image_cost + 0.8 * INCOHERENT
+
+
+@pytest.mark.parametrize(("gap", "air"), [(0.9, 0.0), (1.5, 0.5), (3.0, 1.0)])
+def test_the_air_grows_with_the_gap(judge, gap, air):
+    """The door before it moves, and a line beside its edge."""
+    hard = judge.judge([TRUTH]).hard.copy()
+    hard[len(judge.study.surfels[0]):] = 0
+    edge = judge.study.own(hard, 1)[0].points[:, 0].min()
+    origin = np.array([edge - gap * NEAR * judge.study.diag, -0.03, 0.0])
+    assert judge.air([replace(TRUTH, origin=origin)], hard) == pytest.approx(air, abs=0.15)
+
+
+def bar_on_a_board(toy, move, plain, high=0.2):
+    """A bar that lies on a board and moves, in paint of its own or in one colour."""
+    board = toy.Box((0, 0, 0), (1.0, 0.8, 0.1), 1)
+    bar = toy.Box((0.1, 0.3, 0.1), (0.5, 0.45, 0.1 + high), 3)
+    pair = []
+    for at in (np.eye(4), move):
+        g, labels = toy.gaussians_of([board, replace(bar, move=at)], 0.035)
+        if plain:
+            g.sh0[labels == 1] = g.sh0[labels == 1].mean(0)
+        pair.append(g)
+    eyes = toy.cameras(16, 56, np.array([0.5, 0.4, 0.2]), 1.2)
+    scene = toy.scene_of(tuple(toy.drawn(g, *eyes, 56) for g in pair))
+    return Judge(gather(scene, (pair[0], pair[1])))
+
+
+SLIDE = Hypothesis(0, np.array([1.0, 0, 0]), np.array([0.3, 0.375, 0.2]), 0.35)
+HALF_TURN = Hypothesis(1, np.array([0.0, 0, 1]), np.array([0.475, 0.375, 0.2]), np.pi)
+
+
+@pytest.mark.parametrize("pool", [[], [SLIDE]])
+def test_a_plain_bar_slides_rather_than_turns_end_for_end(toy, pool):
+    judge = bar_on_a_board(toy, SLIDE.move, plain=True)
+    turned, slid = judge.judge([HALF_TURN]), judge.judge([SLIDE])
+    assert abs(turned.cost - slid.cost) < 0.05 * slid.cost  # the photos hardly tell
+    said = []
+    found, = calmed(judge, turned, pool, said.append).motions
+    assert len(said) == 1
+    assert found.kind == 0
+    assert np.allclose(found.axis * found.value, SLIDE.axis * SLIDE.value, atol=0.02)
+
+
+def test_a_bar_whose_paint_shows_that_it_turned_has_turned(toy):
+    judge = bar_on_a_board(toy, HALF_TURN.move, plain=False)
+    verdict = judge.judge([HALF_TURN])
+    assert calmed(judge, verdict, [SLIDE], pytest.fail) is verdict
+
+
+def test_a_plain_flap_that_folds_over_has_folded(toy, monkeypatch):
+    """Its middle slides as well, but its hinge is at its edge."""
+    fold = Hypothesis(1, np.array([0.0, 1, 0]), np.array([0.5, 0.375, 0.12]), np.pi)
+    judge = bar_on_a_board(toy, fold.move, plain=True, high=0.04)
+    verdict = judge.judge([fold])
+    monkeypatch.setattr(judge, "judge", lambda _motions: pytest.fail("nothing is tried"))
+    assert calmed(judge, verdict, [SLIDE], pytest.fail) is verdict
+
+
+def test_small_turns_have_no_lesser_way(judge, monkeypatch):
+    verdict = judge.judge([TRUTH])
+    monkeypatch.setattr(judge, "judge", lambda _motions: pytest.fail("nothing is tried"))
+    assert calmed(judge, verdict, [TRUTH], pytest.fail) is verdict
+
+
+def test_of_motions_that_save_nearly_as_much_the_lesser_is_taken(toy):
+    judge = bar_on_a_board(toy, SLIDE.move, plain=True)
+    said = []
+    found, = lessened(judge, judge.judge([HALF_TURN]), [HALF_TURN, SLIDE], said.append).motions
+    assert len(said) == 1
+    assert found.kind == 0
+    assert np.allclose(found.axis * found.value, SLIDE.axis * SLIDE.value, atol=0.02)
+
+
+def test_a_turn_stays_where_a_lesser_motion_saves_little(toy, judge):
+    middle = Hypothesis(0, np.array([0.0, 1, 0]), MIDDLE, -0.3)  # of the door: about its way
+    door = judge.judge([TRUTH])
+    assert lessened(judge, door, [middle], pytest.fail) is door
+    painted = bar_on_a_board(toy, HALF_TURN.move, plain=False)
+    bar = painted.judge([HALF_TURN])
+    assert lessened(painted, bar, [SLIDE], pytest.fail) is bar
+
+
+def test_no_lesser_turn_is_about_a_line_in_the_air(judge, monkeypatch):
+    """It would carry the door to the same place, beside another part in the air as well."""
+    middle = se3.apply(TRUTH.move, MIDDLE[None])[0] - MIDDLE
+    across = np.cross([0.0, 0, 1], middle) / np.linalg.norm(middle)
+    far = MIDDLE + 0.5 * middle + 0.5 * np.linalg.norm(middle) / np.tan(0.15) * across
+    turn = Hypothesis(1, np.array([0.0, 0, 1]), far, 0.3)
+    assert np.allclose(se3.apply(turn.move, MIDDLE[None])[0], MIDDLE + middle)
+    verdict = judge.judge([TRUTH])
+    monkeypatch.setattr(judge, "judge", lambda _motions: pytest.fail("nothing is tried"))
+    assert lessened(judge, verdict, [turn], pytest.fail) is verdict
+
+
+def test_nothing_is_tried_for_small_turns_slides_and_turns_as_large(judge, monkeypatch):
+    small = replace(TRUTH, value=0.9 * LARGE)
+    verdicts = [judge.judge([h]) for h in (small, SLIDE, TRUTH)]
+    pools = [SLIDE], [SLIDE], [replace(TRUTH, value=0.6)]
+    monkeypatch.setattr(judge, "judge", lambda _motions: pytest.fail("nothing is tried"))
+    for verdict, pool in zip(verdicts, pools, strict=True):
+        assert lessened(judge, verdict, pool, pytest.fail) is verdict

@@ -1,0 +1,97 @@
+"""Passage: whatever a part would carry through another part's front does not belong to it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from part2gs_robotics.joints.passage import PASS_COST, passage_costs
+from part2gs_robotics.model.joint import Joint
+
+CELL = 0.01
+OUT = np.array([1.0, 0.0, 0.0])  # drawers open this way
+
+
+def sheet(lo, hi) -> np.ndarray:
+    """Return points a cell apart on an axis-aligned rectangle or in a box."""
+    axes = [np.arange(a, b + 0.5 * CELL, CELL) for a, b in zip(lo, hi, strict=True)]
+    return np.stack(np.meshgrid(*axes, indexing="ij"), -1).reshape(-1, 3)
+
+
+def drawers() -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, list[Joint]]:
+    """Return points, normals, state, owner (negative = asked about) of two drawers in a column.
+
+    Fronts at x = 0 in state 0, seen in both states; the lower drawer's left wall in state 1 only.
+    """
+    joints = [Joint("prismatic", OUT, np.zeros(3), v) for v in (0.2, 0.3)]
+    points, late, owner = [], [], []
+    for part, low in ((1, 0.2), (2, 0.0)):
+        front = sheet((0.0, -0.2, low + 0.01), (0.0, 0.2, low + 0.19))
+        for state in (0, 1):
+            points.append(front + state * joints[part - 1].value * OUT)
+            late.append(np.full(len(front), bool(state)))
+            owner.append(np.full(len(front), part))
+    wall = sheet((0.12, -0.2, 0.02), (0.24, -0.2, 0.18))
+    points.append(wall)
+    late.append(np.ones(len(wall), bool))
+    owner.append(np.full(len(wall), -2))
+    normals = np.tile(OUT, (sum(map(len, points)), 1))
+    normals[-len(wall):] = (0.0, -1.0, 0.0)
+    return np.concatenate(points), normals, np.concatenate(late), np.concatenate(owner), joints
+
+
+def costs_of(case) -> np.ndarray:
+    points, normals, late, owner, joints = case
+    proofs = owner[:, None] == np.arange(len(joints) + 1)
+    return passage_costs(points, normals, late, proofs, np.flatnonzero(owner < 0), joints, CELL)
+
+
+def test_a_wall_behind_a_front_belongs_to_no_other_drawer() -> None:
+    costs = costs_of(drawers())
+    np.testing.assert_array_equal(costs[:, 2], 0.0)  # its own drawer
+    assert (costs[:, 1] == PASS_COST).mean() > 0.95  # the upper drawer meets the lower front
+    assert (costs[:, 0] == PASS_COST).mean() > 0.95  # and that front would sweep a still wall
+
+
+@pytest.mark.parametrize("scale", [1e-3, 1.0, 1e3])
+def test_costs_know_no_unit(scale) -> None:
+    points, normals, late, owner, joints = drawers()
+    proofs = owner[:, None] == np.arange(3)
+    asked = np.flatnonzero(owner < 0)
+    large = [Joint(j.kind, j.axis, scale * j.origin, scale * j.value) for j in joints]
+    np.testing.assert_array_equal(
+        passage_costs(scale * points, normals, late, proofs, asked, large, scale * CELL),
+        costs_of((points, normals, late, owner, joints)))
+
+
+def test_labels_may_be_renumbered() -> None:
+    points, normals, late, owner, joints = drawers()
+    swap = np.array([-2, -1, 0, 2, 1])  # of owners -2..2; the asked ones stay asked
+    swapped = costs_of((points, normals, late, swap[owner + 2], joints[::-1]))
+    np.testing.assert_array_equal(swapped[:, [0, 2, 1]], costs_of((points, normals, late, owner,
+                                                                   joints)))
+
+
+def test_parts_that_really_cross_say_nothing(monkeypatch) -> None:
+    """A drawer behind a door passes through where the closed door is: that proves no label."""
+    door = Joint("revolute", np.array([0.0, 0.0, 1.0]), np.array([0.02, -0.2, 0.0]), -1.4)
+    drawer = Joint("prismatic", OUT, np.zeros(3), 0.6)
+    leaf = sheet((0.05, -0.2, 0.0), (0.05, 0.2, 0.2))
+    front = sheet((-0.05, -0.18, 0.02), (-0.05, 0.18, 0.15))
+    rim = sheet((0.47, -0.18, 0.18), (0.54, -0.18, 0.19))  # over the front, out of the door's reach
+    points = np.concatenate([leaf, front, rim])
+    normals = np.tile(OUT, (len(points), 1))
+    late = np.repeat([False, False, True], [len(leaf), len(front), len(rim)])
+    owner = np.repeat([1, 2, -2], [len(leaf), len(front), len(rim)])
+    costs = costs_of((points, normals, late, owner, [door, drawer]))
+    assert costs[:, 2].max() == 0.0
+    monkeypatch.setattr("part2gs_robotics.joints.passage.REAL", 2.0)  # were nothing a real crossing
+    charged = costs_of((points, normals, late, owner, [door, drawer]))
+    assert charged[:, 2].min() == PASS_COST
+
+
+def test_without_proofs_nothing_is_said() -> None:
+    points, normals, late, owner, joints = drawers()
+    none = np.zeros((len(points), 3), bool)
+    asked = np.flatnonzero(owner < 0)
+    assert not passage_costs(points, normals, late, none, asked, joints, CELL).any()

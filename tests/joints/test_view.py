@@ -1,0 +1,72 @@
+"""A view's share of an alignment: only pixels around a part have a say, wherever they are cut."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from part2gs_robotics.joints import view as align_view
+from part2gs_robotics.joints.align_steps import at
+from part2gs_robotics.joints.align_system import System
+from part2gs_robotics.model.joint import Joint
+from part2gs_robotics.model.small_views import small_views
+from part2gs_robotics.render.dispatch import render
+
+SIDE, VIEWS, DIAG = 96, 6, 1.2
+JOINT = Joint("revolute", np.array([0.0, 0, -1]), np.array([0.0, -0.05, 0.3]), 0.8)
+
+
+@pytest.fixture(scope="module")
+def seen(toy):
+    """A small plate before a base, drawn with shares, and photos of it a little off its place."""
+    boxes = [toy.Box((0, 0, 0), (0.8, 0.5, 0.6), 1), toy.Box((0, -0.05, 0), (0.3, -0.02, 0.4), 2)]
+    g, owner = toy.gaussians_of(boxes, 0.03)
+    Ks, viewmats = toy.cameras(VIEWS, SIDE, np.array([0.4, 0.1, 0.3]), 0.9)
+    off = np.array([0.01, 0.0, -0.01], np.float32) * (owner == 1)[:, None]
+    photos = toy.drawn(replace(g, means=g.means + off), Ks, viewmats, SIDE)
+    small = small_views(photos, VIEWS, SIDE)
+    hot = np.eye(2, dtype=np.float32)[owner]
+    drawn = [render(g.means, g.quats, g.scales, g.opacities, g.colors, view, K, SIDE, SIDE,
+                    extra=hot) for K, view in zip(small.Ks, small.viewmats, strict=True)]
+    return drawn, small
+
+
+def system_of(seen, blur):
+    drawn, small = seen
+    pose = at(JOINT, DIAG)
+    n = len(pose.offset)
+    system = System(np.zeros((n, n)), np.zeros(n))
+    for v, out in enumerate(drawn):
+        align_view.add_view([system], [pose.rates(1)], out, small, v, DIAG, blur, 0.1)
+    return system
+
+
+@pytest.mark.parametrize("blur", [0.5, 2.0])
+def test_a_parts_window_tells_what_the_whole_image_does(seen, blur, monkeypatch):
+    cut = system_of(seen, blur)
+    monkeypatch.setattr(align_view, "BLURRED", SIDE / blur)  # windows as large as the image
+    whole = system_of(seen, blur)
+    assert cut.count == whole.count > 100
+    assert cut.error == pytest.approx(whole.error, rel=1e-6)
+    np.testing.assert_allclose(cut.h, whole.h, atol=1e-6 * np.abs(whole.h).max())
+    np.testing.assert_allclose(cut.g, whole.g, atol=1e-6 * np.abs(whole.g).max())
+
+
+def test_a_window_that_is_too_small_tells_something_else(seen, monkeypatch):
+    right = system_of(seen, 2.0)
+    monkeypatch.setattr(align_view, "BLURRED", 0.0)
+    monkeypatch.setattr(align_view, "RIM", 0)
+    assert system_of(seen, 2.0).error != pytest.approx(right.error, rel=1e-3)
+
+
+def test_a_part_that_no_pixel_shows_adds_nothing(seen):
+    drawn, small = seen
+    pose = at(JOINT, DIAG)
+    n = len(pose.offset)
+    system = System(np.zeros((n, n)), np.zeros(n))
+    unseen = replace(drawn[0], extra=np.zeros_like(drawn[0].extra))
+    align_view.add_view([system], [pose.rates(1)], unseen, small, 0, DIAG, 1.0, 0.1)
+    assert system.count == 0
+    assert not system.h.any()

@@ -1,0 +1,143 @@
+"""Toy twins with known answers: a cabinet of exact boxes, for trials and tests."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from part2gs_robotics.model.joint import Joint
+from part2gs_robotics.model.solids import to_mesh
+from part2gs_robotics.model.twin import Part, PartMesh, Twin
+
+if TYPE_CHECKING:
+    from manifold3d import Manifold
+
+Corner = tuple[float, float, float]
+SIZE = (0.5, 0.6, 0.8)  # depth x, width y, height z of the cabinet, metres
+WALL = 0.018  # furniture board
+SHELF = 0.4  # height of the board between the two bays
+
+
+def box(low: Corner, high: Corner) -> Manifold:
+    """Return the axis-aligned box between two corners."""
+    import manifold3d
+
+    size = [h - a for a, h in zip(low, high, strict=True)]
+    return manifold3d.Manifold.cube(size).translate(list(low))
+
+
+def toy_cabinet_twin(moving: int = 2, *, clearance: float = 0.003, refine: float = 0.0) -> Twin:
+    """Return a cabinet (z up, front +x) with 1..4 moving parts and exact pieces.
+
+    Parts: drawer (prismatic), door (revolute), lever on the door (revolute, nested), cap (screw).
+
+    Args:
+        moving: how many of them, in that order.
+        clearance: gap between neighbours, scene units (metres).
+        refine: longest edge of the visual meshes; 0 keeps the coarse boxes.
+    """
+    makers = (_drawer, _door, _lever, _cap)[:moving]
+    parts = (_base(), *(make(clearance) for make in makers))
+    if refine > 0:
+        parts = tuple(replace(p, mesh=_refined(p.mesh, refine)) for p in parts)
+    return Twin("toy_cabinet", parts, meters_per_unit=1.0, up=np.array([0.0, 0.0, 1.0]))
+
+
+def union_part(
+    name: str,
+    parent: int,
+    boxes: list[tuple[Corner, Corner]],
+    joint: Joint | None,
+    limits: tuple[float, float],
+    color: tuple[int, int, int],
+) -> Part:
+    """Return a part that is the union of boxes, each box one convex piece."""
+    import manifold3d
+
+    solids = [box(low, high) for low, high in boxes]
+    whole = manifold3d.Manifold.batch_boolean(solids, manifold3d.OpType.Add)
+    pieces = tuple(to_mesh(s, color) for s in solids)
+    return Part(
+        name,
+        parent,
+        to_mesh(whole, color),
+        pieces,
+        joint,
+        limits,
+        num_gaussians=1000,
+        diagnostics={"contact_loss": 0.0, "vector_field_loss": 1e-4, "motion_residual": 1e-3},
+    )
+
+
+def _refined(mesh: PartMesh, length: float) -> PartMesh:
+    from part2gs_robotics.model.solids import to_manifold
+
+    color = tuple(int(c) for c in mesh.colors[0])
+    return to_mesh(to_manifold(mesh).refine_to_length(length), (color[0], color[1], color[2]))
+
+
+def _base() -> Part:
+    x, y, z = SIZE
+    w, s = WALL, SHELF
+    boxes: list[tuple[Corner, Corner]] = [
+        ((0, 0, 0), (w, y, z)),
+        ((w, 0, 0), (x, w, z)),
+        ((w, y - w, 0), (x, y, z)),
+        ((w, w, 0), (x, y - w, w)),
+        ((w, w, s - w / 2), (x, y - w, s + w / 2)),
+        ((w, w, z - w), (x, y - w, z)),
+    ]
+    return union_part("base", -1, boxes, None, (0.0, 0.0), (180, 140, 100))
+
+
+def _drawer(gap: float) -> Part:
+    x, y, _ = SIZE
+    low, high, t = (
+        (WALL + gap, WALL + gap, WALL + gap),
+        (x, y - WALL - gap, SHELF - WALL / 2 - gap),
+        0.012,
+    )
+    (x0, y0, z0), (x1, y1, z1) = low, high
+    boxes: list[tuple[Corner, Corner]] = [
+        (low, (x1, y1, z0 + t)),
+        ((x0, y0, z0 + t), (x0 + t, y1, z1)),
+        ((x1 - t, y0, z0 + t), (x1, y1, z1)),
+        ((x0 + t, y0, z0 + t), (x1 - t, y0 + t, z1)),
+        ((x0 + t, y1 - t, z0 + t), (x1 - t, y1, z1)),
+    ]
+    joint = Joint(
+        "prismatic",
+        np.array([1.0, 0, 0]),
+        np.array([x / 2, y / 2, z1 / 2]),
+        0.3,
+        sigma_axis=1e-3,
+        sigma_origin=1e-3,
+        sigma_value=1e-3,
+        bic={"fixed": 90.0, "prismatic": 10.0},
+        confidence=0.99,
+    )
+    return union_part("part_1", 0, boxes, joint, (0.0, 0.3), (200, 60, 40))
+
+
+def _door(gap: float) -> Part:
+    x, y, z = SIZE
+    boxes: list[tuple[Corner, Corner]] = [((x + gap, 0, SHELF), (x + gap + WALL, y, z))]
+    joint = Joint("revolute", np.array([0, 0, -1.0]), np.array([x + gap, 0, SHELF]), 1.2)
+    return union_part("part_2", 0, boxes, joint, (0.0, 1.5), (40, 80, 200))
+
+
+def _lever(gap: float) -> Part:
+    front = SIZE[0] + gap + WALL + gap
+    centre = np.array([front, 0.5, 0.6])
+    boxes: list[tuple[Corner, Corner]] = [((front, 0.49, 0.5), (front + 0.02, 0.51, 0.62))]
+    joint = Joint("revolute", np.array([1.0, 0, 0]), centre, 0.5)
+    return union_part("part_3", 2, boxes, joint, (0.0, 0.5), (60, 60, 60))
+
+
+def _cap(gap: float) -> Part:
+    top = SIZE[2] + gap
+    boxes: list[tuple[Corner, Corner]] = [((0.2, 0.25, top), (0.3, 0.35, top + 0.03))]
+    joint = Joint("screw", np.array([0, 0, 1.0]), np.array([0.25, 0.3, top]), 2.0, pitch=0.01)
+    return union_part("part_4", 0, boxes, joint, (0.0, 2.0), (90, 170, 90))
