@@ -23,7 +23,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from part2gs_robotics.decide.cross_render import move_gaussians
+from part2gs_robotics.evidence.cross_render import move_gaussians
 from part2gs_robotics.joints.align import align
 from part2gs_robotics.model import se3
 from part2gs_robotics.model.gaussians import SH_C0, Gaussians

@@ -4,7 +4,8 @@
 
 One build with the preset as it is, then one per thing with that thing switched. Stages that a
 switch does not touch are taken over from the build before, so that a difference in seconds is the
-thing's own and not the machine's noise. Without --kit the table is made from results/plan.json.
+thing's own and not the machine's noise. The table goes to docs/ablation.md; without --kit it is
+made from results/plan.json.
 """
 
 from __future__ import annotations
@@ -21,10 +22,11 @@ from typing import Any
 
 from reconstruction import parser, summary
 from reconstruction_runs import OBJECTS, folders, kept, run_once
-from reconstruction_suite import README, RESULTS, insert
+from reconstruction_suite import RESULTS, ROOT, insert
 from reconstruction_table import complete, count, number, values
 
 OUT = RESULTS.parent / "plan.json"
+PAGE = ROOT / "docs/ablation.md"
 QUICK = "plan_quick.json"
 BEGIN, END = "<!-- plan:begin -->", "<!-- plan:end -->"
 BASE = "as it is"
@@ -90,7 +92,7 @@ def main(words: Sequence[str] | None = None) -> int:
         return 2
     table = markdown(json.loads(out.read_text()))
     if not args.quick:
-        README.write_text(insert(README.read_text(), table, BEGIN, END))
+        PAGE.write_text(insert(PAGE.read_text(), table, BEGIN, END))
     sys.stdout.write(table)
     return 0
 

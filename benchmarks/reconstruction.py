@@ -5,8 +5,8 @@
 The kit renders the objects, runs `part2gs-robot build` and scores the twin, which is all it sees.
 Held-out PSNR over time is read from the checkpoints of one build; the twin's errors come from
 builds stopped early. Every build leaves a file in the work folder, and the same command goes on
-where it was interrupted; rows of earlier runs stay. Without --kit, table and figure are made from
-results/reconstruction.json.
+where it was interrupted; rows of earlier runs stay. Without --kit, the table in docs/results.md and
+the figure are made from results/reconstruction.json.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from typing import Any
 
 from reconstruction_figure import draw
 from reconstruction_runs import OBJECTS, kept, run_once, words_of_kit
-from reconstruction_suite import README, RESULTS, ROOT, git, insert
+from reconstruction_suite import PAGE, RESULTS, ROOT, git, insert
 from reconstruction_table import markdown
 
 from part2gs_robotics.config import PRESETS, FitConfig
@@ -33,7 +33,7 @@ QUICK = "reconstruction_quick.json"  # in the work folder: a trial is no result
 FIGURE = ROOT / "docs/reconstruction.png"
 WORK = ROOT / "runs/reconstruction"
 BEGIN, END = "<!-- anytime:begin -->", "<!-- anytime:end -->"
-PICTURE = "![Errors of the twin over the seconds of its build](docs/reconstruction.png)"
+PICTURE = "![Errors of the twin over the seconds of its build](reconstruction.png)"
 SHARES = (1 / 16, 1 / 8, 1 / 4, 1 / 2, 1.0)
 
 
@@ -52,9 +52,14 @@ def main(words: Sequence[str] | None = None) -> int:
     table = markdown(result)
     draw(result, args.work / "reconstruction.png" if args.quick else FIGURE)
     if not args.quick:
-        README.write_text(insert(README.read_text(), f"{PICTURE}\n\n{table}", BEGIN, END))
+        PAGE.write_text(insert(PAGE.read_text(), page(result), BEGIN, END))
     sys.stdout.write(table)
     return 0
+
+
+def page(result: dict[str, Any]) -> str:
+    """Return picture and table, as they stand in docs/results.md."""
+    return f"{PICTURE}\n\n{markdown(result)}"
 
 
 def parser() -> argparse.ArgumentParser:

@@ -1,11 +1,12 @@
-"""Score `part2gs-robot build` with an external benchmark kit and put its table into README.md.
+"""Score `part2gs-robot build` with an external benchmark kit and put its table into docs.
 
     python benchmarks/reconstruction_suite.py --kit PATH [--objects NAME ...]
 
 The kit is a folder with `suite.py`, which renders objects, runs the command, reads the exported
-MJCF and scores it against the truth; it never sees anything else of this project. Without --kit the
-table is made anew from benchmarks/results/suite.json. Objects that are not run keep their rows;
-every row names the commit it was made at.
+MJCF and scores it against the truth; it never sees anything else of this project. The table goes to
+docs/results.md, a few rows of it to README.md. Without --kit both are made anew from
+benchmarks/results/suite.json. Objects that are not run keep their rows; every row names the commit
+it was made at.
 """
 
 from __future__ import annotations
@@ -23,8 +24,9 @@ from typing import Any
 
 ROOT = Path(__file__).resolve().parents[1]
 RESULTS = ROOT / "benchmarks/results/suite.json"
-README = ROOT / "README.md"
+PAGE, README = ROOT / "docs/results.md", ROOT / "README.md"
 BEGIN, END = "<!-- suite:begin -->", "<!-- suite:end -->"
+SUMMARY = "<!-- summary:begin -->", "<!-- summary:end -->"
 OBJECTS = ("libero_microwave", "pm_10211_laptop", "robosuite_door", "pm_103275_stapler",
            "pm_102209_trashcan", "libero_wooden_cabinet", "sektion_cabinet", "pm_31249_table",
            "bigym_dishwasher", "robosuite_door_nested", "pm_103275_stapler_nested")
@@ -34,10 +36,18 @@ HEAD = (
     "turn, deg", "slide, units", "segmentation mIoU", "watertight", "checks", "seconds", "peak MB",
     "commit",
 )  # fmt: skip
+# Rows of README: one joint, many, a part on a part, and the object that is not all found.
+SHOWN = {
+    "libero_microwave": "microwave: door",
+    "sektion_cabinet": "cabinet: two doors, two drawers",
+    "libero_wooden_cabinet": "wooden cabinet: three drawers",
+    "robosuite_door_nested": "door with a latch on it",
+    "bigym_dishwasher": "dishwasher: door, two wire trays",
+}
 
 
 def main() -> int:
-    """Run the kit if it is given, store its numbers, and write the table."""
+    """Run the kit if it is given, store its numbers, and write the tables."""
     args = arguments(__doc__.splitlines()[0], OBJECTS)
     if args.kit:
         with tempfile.TemporaryDirectory() as temporary:
@@ -45,8 +55,10 @@ def main() -> int:
     if not RESULTS.exists():
         sys.stderr.write(f"{RESULTS}: not there yet. Expected an earlier run; give --kit PATH.\n")
         return 2
-    table = markdown(json.loads(RESULTS.read_text()))
-    README.write_text(insert(README.read_text(), table))
+    result = json.loads(RESULTS.read_text())
+    table = markdown(result)
+    PAGE.write_text(insert(PAGE.read_text(), table))
+    README.write_text(insert(README.read_text(), short(result), *SUMMARY))
     sys.stdout.write(table)
     return 0
 
@@ -172,6 +184,18 @@ def markdown(result: dict[str, Any], script: str = "benchmarks/reconstruction_su
     return "\n".join(lines) + "\n"
 
 
+def short(result: dict[str, Any]) -> str:
+    """Return README's rows of the results: what was found, how well, and how long it took."""
+    rows = {row["object"]: row for row in result["rows"]}
+    lines = ["| object | parts found | axis error | checks | seconds |", "|---|---|---|---|---|"]
+    for name, words in SHOWN.items():
+        if name in rows:
+            _, found, _, axis, *rest = cells(rows[name])
+            degrees = axis if axis == "-" else f"{axis}°"
+            lines.append(f"| {words} | {found} | {degrees} | {rest[5]} | {rest[6]} |")
+    return "\n".join(lines) + "\n"
+
+
 def cells(row: dict[str, Any]) -> list[str]:
     """Return the texts of one table row."""
     extra = f" + {row['parts_extra']} extra" if row["parts_extra"] else ""
@@ -199,7 +223,7 @@ def number(value: float | None, digits: int) -> str:
 
 
 def insert(text: str, table: str, begin: str = BEGIN, end: str = END) -> str:
-    """Return the README with everything between two markers replaced."""
+    """Return a page with everything between two markers replaced."""
     before, rest = text.split(begin)
     return f"{before}{begin}\n{table}{end}{rest.split(end)[1]}"
 

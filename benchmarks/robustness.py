@@ -147,7 +147,7 @@ def document(rows: list[dict[str, Any]]) -> str:
 One thing at a time is changed in a scene of 64 + 64 clean views of 400 x 400 pixels; the command
 and its settings stay. Made by `benchmarks/robustness.py` on 2 CPU cores without a GPU; every row
 names the commit it was built from. What is not in the table was not run. Unit and place of a scene
-are tests (`tests/test_scene_frame.py`, `tests/test_optimiser_invariance.py`).
+are tests (`tests/model/test_scene_frame.py`, `tests/corridor/test_invariance.py`).
 
 Builds ran two at a time with one thread each, or beside other work: seconds are upper bounds.
 
@@ -162,8 +162,9 @@ Lines: {", ".join(f"{name} {color}" for name, color in zip(names, COLORS, strict
 - `shadows that move`: lights cast shadows, which move with the parts.
 - `views`: below 20 photos per state a build refuses to start (exit 2).
 - `pose noise`: every camera is turned by a random angle of this size.
-- `depth images`: beside every photo, as the kit renders them; those rows ran alone, as README's
-  without them did. A microwave's glass counts as solid in them, painted with what is behind.
+- `depth images`: beside every photo, as the kit renders them; those rows ran alone, as those of
+  [results.md](results.md) without them did. A microwave's glass counts as solid in them, painted
+  with what is behind.
 - `seed`: of the cameras' places.
 - `parts given`: `--parts`, right or wrong; the microwave has 1 moving part, the sektion cabinet 4.
 """

@@ -1,6 +1,6 @@
-"""Motion: which Gaussian belongs to which part, and how every part moves.
+"""Articulation: which Gaussian belongs to which part, and how every part moves.
 
-Evidence first (what left, what arrived), then a hypothesis search, then the images of both states
+Evidence first (what left, what arrived), then a search for motions, then the images of both states
 decide how many parts there are, and at last every joint is aligned to the images on its own.
 """
 
@@ -8,40 +8,68 @@ from __future__ import annotations
 
 import logging
 import time
-from collections.abc import Callable
-from dataclasses import replace
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from part2gs_robotics.config import ArticulateConfig, SearchConfig
+from part2gs_robotics.decide.candidate import Candidate, on_base
+from part2gs_robotics.decide.claim import STAYS
+from part2gs_robotics.decide.grow import decide
+from part2gs_robotics.decide.hang import hang
+from part2gs_robotics.decide.judge import Judge
+from part2gs_robotics.decide.leave_out import (
+    held,
+    hopeful,
+    joint_of,
+    refilled,
+    staying,
+    unpaid,
+)
 from part2gs_robotics.errors import FitError
-from part2gs_robotics.model.gaussians import Gaussians
+from part2gs_robotics.evidence.canonical import Canonical
+from part2gs_robotics.evidence.study import Study, gather
+from part2gs_robotics.joints.align import judged
+from part2gs_robotics.joints.labels import labels_under, part_probs, start_labels
+from part2gs_robotics.joints.settle import Photos, Views, aligned, problem_of, settle
+from part2gs_robotics.model.joint import Joint
 from part2gs_robotics.model.motion import Motion
 from part2gs_robotics.model.scene import Scene
+from part2gs_robotics.model.small_views import both_small
+from part2gs_robotics.paper.pull import part_diagnostics, physical_steps
 from part2gs_robotics.search.pool import find_pool
-
-if TYPE_CHECKING:
-    from part2gs_robotics.decide.judge import Verdict
-    from part2gs_robotics.evidence.study import Study
-    from part2gs_robotics.search.hypothesis import Hypothesis
 
 logger = logging.getLogger(__name__)
 MIN_EVIDENCE = 0.004  # of all surfels: less is noise, nothing moved
+Progress = Callable[[int, int, float], None]  # step, steps, number of parts
 
 
-def articulate(
-    scene: Scene,
-    gaussians: tuple[Gaussians, Gaussians],
-    config: ArticulateConfig,
-    progress: Callable[[int, int, float], None] | None = None,
-    search: SearchConfig | None = None,
-) -> Motion:
+@dataclass(frozen=True)
+class Found:
+    """Motions that were decided on: the first half of the articulation.
+
+    Attributes:
+        judge: of the study.
+        candidate: the motions.
+        pool: motions that were to choose from, for parts that do not stay.
+        short: whether one more motion would pay though their number was given.
+        clock: seconds of every step so far.
+    """
+
+    judge: Judge
+    candidate: Candidate
+    pool: list[Joint]
+    short: bool
+    clock: Clock
+
+
+def articulate(both: Canonical, config: ArticulateConfig, progress: Progress | None = None,
+               search: SearchConfig | None = None) -> Motion:
     """Return the moving parts and their joints.
 
     Args:
-        scene: images of both states.
-        gaussians: fitted Gaussians of both states.
+        both: states, comparable.
         config: `parts` fixes the number of moving parts, else it is found.
         progress: called as (step, steps, number of parts).
         search: how closely to look; None = the standard preset.
@@ -49,22 +77,42 @@ def articulate(
     Raises:
         FitError: nothing moves between the states.
     """
-    study, verdict, clock = found_motions(scene, gaussians, config, progress, search)
-    return settled_motion(scene, study, verdict, config, clock, search)
+    search = search or SearchConfig()
+    return settled_motion(both.scene, found_motions(both, config, progress, search), config, search)
 
 
-def found_motions(
-    scene: Scene,
-    gaussians: tuple[Gaussians, Gaussians],
-    config: ArticulateConfig,
-    progress: Callable[[int, int, float], None] | None = None,
-    search: SearchConfig | None = None,
-) -> tuple[Study, Verdict, Clock]:
-    """Return the study of both states and the motions that were decided on: the first half."""
-    from part2gs_robotics.evidence.study import gather
-
+def found_motions(both: Canonical, config: ArticulateConfig, progress: Progress | None = None,
+                  search: SearchConfig | None = None) -> Found:
+    """Return the motions that were decided on. Arguments and errors as of `articulate`."""
     clock, search = Clock(progress), search or SearchConfig()
-    study = gather(scene, gaussians, search)
+    study = gather(both, search)
+    moved = _require_moved(study, both.scene)
+    clock.tick("evidence", 1)
+    pool = find_pool(study, np.random.default_rng(config.seed), moved, search)
+    clock.tick("search", 2)
+    judge = Judge(study)
+    candidate, short = decide(judge, pool, config.parts, search.swap)
+    _require_parts(candidate, both.scene)
+    clock.tick("decision", 3, len(candidate))
+    return Found(judge, candidate, pool, short, clock)
+
+
+class Clock:
+    """Seconds of every step, and progress."""
+
+    def __init__(self, progress: Progress | None) -> None:
+        self.progress, self.last, self.seconds = progress, time.monotonic(), dict[str, float]()
+
+    def tick(self, name: str, step: int, parts: int = 0) -> None:
+        """Note the seconds since the last tick, and tell how far the room is."""
+        now = time.monotonic()
+        self.seconds[name], self.last = now - self.last, now
+        if self.progress:
+            self.progress(step, 5, float(parts))
+
+
+def _require_moved(study: Study, scene: Scene) -> int:
+    """Return how many surfels left their place or are new in it; raise where that is noise."""
     moved = len(study.evidence.vacated) + len(study.evidence.arrived)
     total = len(study.surfels[0]) + len(study.surfels[1])
     logger.info("evidence: %d of %d surfels left their place or are new in it", moved, total)
@@ -77,85 +125,100 @@ def found_motions(
             f"Expected at least {MIN_EVIDENCE:.1%}. Photograph the object in two "
             "clearly different states."
         )
-    clock.tick("evidence", 1)
-    pool = find_pool(study, np.random.default_rng(config.seed), moved, search)
-    clock.tick("search", 2)
-    verdict = _decide(study, pool, config.parts, scene, search.swap)
-    clock.tick("decision", 3, len(verdict.motions))
-    return study, verdict, clock
+    return moved
 
 
-class Clock:
-    """Seconds of every step, and progress."""
-
-    def __init__(self, progress: Callable[[int, int, float], None] | None) -> None:
-        self.progress, self.last, self.seconds = progress, time.monotonic(), dict[str, float]()
-
-    def tick(self, name: str, step: int, parts: int = 0) -> None:
-        """Note the seconds since the last tick, and tell how far the room is."""
-        now = time.monotonic()
-        self.seconds[name], self.last = now - self.last, now
-        if self.progress:
-            self.progress(step, 5, float(parts))
-
-
-def _decide(
-    study: Study, pool: list[Hypothesis], parts: int | None, scene: Scene, swap: bool = True
-) -> Verdict:
-    from part2gs_robotics.decide.grow import decide
-
-    verdict = decide(study, pool, parts, lambda text: logger.info("decide: %s", text), swap)
-    if not verdict.motions:
+def _require_parts(found: Candidate, scene: Scene) -> None:
+    if not found.motions:
         raise FitError(
             f"{scene.path}: no rigid motion explains the difference of the two states. "
             "Expected at least one part that turns or slides; check that both states show the "
             "same object in one frame."
         )
-    return verdict
 
 
-def settled_motion(
-    scene: Scene, study: Study, verdict: Verdict, config: ArticulateConfig, clock: Clock,
-    search: SearchConfig | None = None,
-) -> Motion:
+def settled_motion(scene: Scene, found: Found, config: ArticulateConfig,
+                   search: SearchConfig | None = None) -> Motion:
     """Return joints and part identities of the motions that were decided on: the second half."""
-    from part2gs_robotics.decide.judge import Judge
-    from part2gs_robotics.decide.leave_out import joint_of, unpaid
-    from part2gs_robotics.joints.align import judged
-    from part2gs_robotics.joints.carried import nest
-    from part2gs_robotics.joints.claim import STAYS
-    from part2gs_robotics.joints.labels import labels_under, part_probs, start_labels
-    from part2gs_robotics.joints.tree import flat
-    from part2gs_robotics.model.small_views import both_small
-    from part2gs_robotics.paper.pull import part_diagnostics, physical_steps
-
-    judge, search = Judge(study), search or SearchConfig()
-    verdict = replace(verdict, hard=start_labels(judge, verdict, config))
-    start = [joint_of(judge, verdict, k) for k in range(len(verdict.motions))]
-    views = both_small(scene.states, search.align_views, search.align_side)
-    hard, _ = labels_under(judge, start, verdict.hard, config)
-    joints = pulled = physical_steps(study, start, hard, config)
-    if pulled is not start and not config.paper_mode:  # the paper refines by its losses alone
-        joints = judged(study.gaussians, study.gaussian_labels(hard), start, pulled, views,
-                        change="physics terms")
-    kept = [{"physics_kept": float(new is not old)} for new, old in zip(joints, start, strict=True)]
-    tree = flat(joints, hard)
+    judge, clock, search = found.judge, found.clock, search or SearchConfig()
+    study = judge.study
+    small = both_small(scene.states, search.align_views, search.align_side)
+    start, pulled = _pulled(found, config, small)
+    kept = [{"physics_kept": float(new is not old)}
+            for new, old in zip(pulled.motions, start.motions, strict=True)]
+    end = pulled
     if config.alignment and not config.paper_mode:
         sharp = both_small(scene.states, search.align_views, search.sharp_side)
-        tree = nest(judge, joints, hard, config, (views, sharp), verdict.pool)
-    joints, parents = tree.joints, tree.parents
-    idle = unpaid(judge, tree) if config.parts and not config.paper_mode else []
-    clock.tick("alignment", 4, len(joints))
+        end = _settled(judge, pulled, Photos(small, sharp), config, found.pool)
+    idle = unpaid(judge, end) if config.parts and not config.paper_mode else []
+    clock.tick("alignment", 4, len(end))
     # Only now: used while joints were still aligned, it cost one scene a door.
-    hard, costs = labels_under(judge, joints, tree.hard, config, STAYS)
-    probs = part_probs(study, joints, costs, hard, config, parents)
-    diagnostics, notes = part_diagnostics(study, joints, hard, config.paper_mode)
+    hard, costs = labels_under(judge, end, config, STAYS)
+    end = replace(end, labels=hard)
+    probs = part_probs(study, end, costs, config)
+    diagnostics, notes = part_diagnostics(study, end.motions, hard, config.paper_mode)
     diagnostics = tuple({**row, **(kept[n - 1] if n else {})}
-                        for row, n in zip(diagnostics, tree.known, strict=True))
-    clock.tick("identity", 5, len(joints))
-    alone = tuple(replace(j, carrier=None) for j in joints)  # the parents say it from here on
-    notes = (*notes, *_about_number(config.parts, len(joints), verdict.short, idle))
-    return Motion(probs, alone, parents, diagnostics, notes, clock.seconds)
+                        for row, n in zip(diagnostics, end.known, strict=True))
+    clock.tick("identity", 5, len(end))
+    alone = tuple(replace(j, carrier=None) for j in end.motions)  # the parents say it from here on
+    notes = (*notes, *_about_number(config.parts, len(end), found.short, idle))
+    return Motion(probs, alone, end.parents, diagnostics, notes, clock.seconds)
+
+
+def _pulled(found: Found, config: ArticulateConfig, views: Views,
+            ) -> tuple[Candidate, Candidate]:
+    """Return joints of the motions that were decided on, and pulled by the terms that are on."""
+    judge, study = found.judge, found.judge.study
+    decided = replace(found.candidate, labels=start_labels(judge, found.candidate, config))
+    joints = [joint_of(judge, decided, k) for k in range(len(decided))]
+    start = on_base(joints, decided.labels)
+    start = replace(start, labels=labels_under(judge, start, config)[0])
+    pulled = physical_steps(study, joints, start.labels, config)
+    if pulled is not joints and not config.paper_mode:  # the paper refines by its losses alone
+        pulled = judged(problem_of(judge, start, views), joints, pulled, change="physics terms")
+    return start, start.with_motions(pulled)
+
+
+def _settled(judge: Judge, found: Candidate, photos: Photos, config: ArticulateConfig,
+             pool: Sequence[Joint]) -> Candidate:
+    """Return the joints settled, with parts that other parts carry, aligned to the images.
+
+    A part that does not pay once joints are settled, or that the images do not hold in place, is
+    left out or another motion has its place, and the others settle again.
+
+    Args:
+        judge: of the study.
+        found: joints of parts on the base, and labels, to start from.
+        photos: of both states.
+        config: number of moving parts, if known, and seed.
+        pool: motions to choose from for parts that do not stay.
+    """
+    free = config.parts is None
+    if free and len(found) > 1:
+        left = refilled(judge, found, hopeful(judge, found), pool)
+        found = settle(judge, left, photos, config)
+        found = _proven(judge, found, photos, config, pool)
+    else:
+        found = settle(judge, found, photos, config)
+    found = hang(judge, found, config.parts, np.random.default_rng(config.seed))
+    if not any(found.parents):
+        return found
+    found = aligned(judge, found, photos.sharp)
+    return held(judge, found) if free else found
+
+
+def _proven(judge: Judge, found: Candidate, photos: Photos, config: ArticulateConfig,
+            pool: Sequence[Joint]) -> Candidate:
+    """Return settled parts on the base without those that do not stay, settled again."""
+    while True:
+        paying = staying(judge, found)
+        if len(paying) == len(found):
+            return found
+        left = refilled(judge, found, paying, pool)
+        found = settle(judge, left, photos, config)
+        if len(left) == len(paying):
+            return found
+        pool = ()  # asked once: what came in the place of a part that left has to stay as well
 
 
 def _about_number(asked: int | None, found: int, short: bool, idle: list[int]) -> list[str]:

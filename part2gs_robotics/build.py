@@ -9,25 +9,19 @@ import time
 from collections.abc import Callable
 from dataclasses import asdict, replace
 from pathlib import Path
-from typing import TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
-import yaml
 
 from part2gs_robotics import __version__
-from part2gs_robotics.config import Config, to_dict
+from part2gs_robotics.config import Config
 from part2gs_robotics.errors import FitError, StoreError
 from part2gs_robotics.model.gaussians import Gaussians
 from part2gs_robotics.model.motion import Motion
 from part2gs_robotics.model.scene import Scene, StateViews
-from part2gs_robotics.model.scene_frame import (
-    frame_of,
-    gaussians_in_scene,
-    internal,
-    parts_in_scene,
-)
+from part2gs_robotics.model.scene_frame import frame_of, internal, parts_in_scene
 from part2gs_robotics.model.twin import Part, Twin
-from part2gs_robotics.outputs import write_outputs
+from part2gs_robotics.outputs import BuildResult, write_outputs
 from part2gs_robotics.plan import Plan, make_plan
 from part2gs_robotics.readers.read_scene import read_scene
 from part2gs_robotics.render.pick_device import describe, pick_device
@@ -45,6 +39,9 @@ from part2gs_robotics.stages import (
     save_fit,
     save_motion,
 )
+
+if TYPE_CHECKING:
+    from part2gs_robotics.evidence.canonical import Canonical
 
 T = TypeVar("T")
 COMPILE_WORTH_A_WORD = 0.5  # seconds: less is a kernel or two that this scene alone needs
@@ -115,6 +112,7 @@ class _Corridor:
         self.seconds: dict[str, float] = {}
         self.code = code_version()
         self.good = ""  # the last finished stage
+        self.both: Canonical | None = None  # no need of it where later stages are taken over
         views = sum(len(state) for state in scene.states)
         self._done("read", read_seconds, f"{views} images")
         logger.info("internal unit %g scene units, internal origin at %g %g %g", self.frame.unit,
@@ -134,12 +132,10 @@ class _Corridor:
                     (*self.scene.notes, *motion.notes))
         twin = self._in_scene(self._separate(twin))
         began = time.monotonic()
+        result = BuildResult(self.scene, self.frame, (fits[0], fits[1]), motion, twin, plan,
+                             self.config, self.seconds)
         with self.store.new_files() as folder:
-            text = yaml.safe_dump(to_dict(self.config), sort_keys=False)
-            placed = gaussians_in_scene(gaussians[0], self.frame)
-            report, summary = write_outputs(folder, self.store.out, self.scene, twin, fits, placed,
-                                            motion, plan, self.seconds, text, self.config.check,
-                                            self.frame)
+            report, summary = write_outputs(folder, self.store.out, result)
         self._done("export and check", time.monotonic() - began,
                    "checks pass" if report.ok else "checks FAIL")
         if not self.config.output.quiet:
@@ -172,40 +168,24 @@ class _Corridor:
         def compute() -> Motion:
             from part2gs_robotics.articulate import articulate
 
-            note = self._canonical(gaussians, settings.paper_mode)
-            scene, alike, exposed = self._matched(gaussians)
-            found = articulate(scene, alike, settings, Progress("articulate"), search)
-            return replace(found, notes=(note, *exposed, *found.notes))
+            began, both = time.monotonic(), self._canonical(gaussians)
+            self._done("canonical", time.monotonic() - began, both.told)
+            found = articulate(both, settings, Progress("articulate"), search)
+            notes = (f"Canonical field: {both.told}.", *filter(None, [both.exposure]))
+            return replace(found, notes=(*notes, *found.notes))
 
         motion = self._stage("03_articulate", key, compute, save_motion, load_motion,
                              lambda m: f"{len(m.joints)} moving parts: "
                                        + ", ".join(joint.kind for joint in m.joints))
         return motion, key
 
-    def _matched(self, gaussians: tuple[Gaussians, Gaussians],
-                 ) -> tuple[Scene, tuple[Gaussians, Gaussians], tuple[str, ...]]:
-        """Return scene and Gaussians with both states equally bright, and a note if they were not.
+    def _canonical(self, gaussians: tuple[Gaussians, Gaussians]) -> Canonical:
+        """Return both states comparable, once for the rooms that look at them."""
+        from part2gs_robotics.evidence.canonical import canonical
 
-        Nothing is changed where cameras kept their exposure.
-        """
-        from part2gs_robotics.evidence.exposure import gain_between, matched, told
-
-        gain = gain_between(self.scene, gaussians)
-        note = told(gain)
-        if note:
-            logger.info("%s", note)
-        return *matched(self.scene, gaussians, gain), (note,) if note else ()
-
-    def _canonical(self, gaussians: tuple[Gaussians, Gaussians], paper_mode: bool) -> str:
-        """Return what the canonical room says about the states."""
-        from part2gs_robotics.evidence.canonical import canonical_field
-
-        began = time.monotonic()
-        field = canonical_field(*gaussians, paper_mode=paper_mode)
-        number = (f"state {field.reference_state} richer in motion, weight of state 0 "
-                  f"{field.richness_weight:.2f}")
-        self._done("canonical", time.monotonic() - began, number)
-        return f"Canonical field: {number}."
+        if self.both is None:
+            self.both = canonical(self.scene, gaussians, self.config.search)
+        return self.both
 
     def _mesh(self, gaussians: tuple[Gaussians, Gaussians], motion: Motion,
               key: str) -> tuple[Motion, tuple[Part, ...]]:
@@ -215,8 +195,8 @@ class _Corridor:
         def compute() -> tuple[Motion, tuple[Part, ...]]:
             from part2gs_robotics.mesh.real_parts import build_existing
 
-            scene, alike, _ = self._matched(gaussians)
-            return build_existing(scene, alike, motion, settings)
+            both = self._canonical(gaussians)
+            return build_existing(both.scene, both.gaussians, motion, settings)
 
         return self._stage("04_mesh", key, compute, save_built, load_built,
                            lambda b: f"{sum(len(part.mesh.faces) for part in b[1])} triangles")

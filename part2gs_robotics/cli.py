@@ -98,18 +98,18 @@ def _check(call: Call) -> int:
 
 
 def _capture(call: Call) -> int:
-    from part2gs_robotics.capture.capture import capture, parse_states
+    from part2gs_robotics.capture.capture import Shots, capture, parse_states
     from part2gs_robotics.runtime.log import logging_to
 
-    flags = dict(call.flags)
-    quiet, verbose = bool(flags.pop("quiet", False)), bool(flags.pop("verbose", False))
+    given = {key: option.default for key, option in command_options("capture").items()} | call.flags
+    quiet, verbose, depth = (bool(given[name]) for name in ("quiet", "verbose", "depth"))
     views, test_views, size, seed = (
-        cast(int, flags.get(name, command_options("capture")[name].default))
-        for name in ("views", "test_views", "size", "seed"))
-    states = parse_states(str(flags["state"]).splitlines()) if "state" in flags else None
+        cast(int, given[name]) for name in ("views", "test_views", "size", "seed"))
+    words = cast("tuple[str, ...] | None", given["state"])
+    states = parse_states(words) if words else None
     with logging_to(None, quiet, verbose):
-        done = capture(Path(call.paths[0]), Path(call.paths[1]), views=views, size=size, seed=seed,
-                       test_views=test_views, depth=bool(flags.get("depth")), states=states)
+        done = capture(Path(call.paths[0]), Path(call.paths[1]),
+                       Shots(views, test_views, size, seed, depth), states)
     if not quiet:
         sys.stdout.write(f"{done.scene}: {done.frames} images, {len(done.joints)} moving joints "
                          f"({', '.join(done.joints)}), {done.seconds:.1f} s; truth in "

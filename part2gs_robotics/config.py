@@ -10,7 +10,10 @@ import difflib
 import inspect
 import itertools
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, is_dataclass, replace
+from functools import cache
+from types import MappingProxyType
 from typing import Literal, cast, get_args, get_origin, get_type_hints
 
 from part2gs_robotics.config_rooms import (
@@ -31,7 +34,7 @@ __all__ = [
     "options", "resolve", "to_dict", "with_values",
 ]  # fmt: skip
 
-Value = bool | int | float | str | tuple[float, float, float] | None
+Value = bool | int | float | str | tuple[float, float, float] | tuple[str, ...] | None
 
 
 @dataclass(frozen=True)
@@ -89,19 +92,19 @@ class Option:
         return "--" + self.name.replace("_", "-")
 
 
-def options() -> dict[str, Option]:
+@cache  # reads the rooms' source: 14 ms, and a command asks several times
+def options() -> Mapping[str, Option]:
     """Return every setting by name, in the order of the rooms."""
     found: dict[str, Option] = {}
-    for room in fields(Config):
-        room_type = get_type_hints(Config)[room.name]
+    for room, room_type in get_type_hints(Config).items():
         hints, docs = get_type_hints(room_type), _field_docs(room_type)
         for item in fields(room_type):
-            rooms = (*(found[item.name].rooms if item.name in found else ()), room.name)
+            rooms = (*(found[item.name].rooms if item.name in found else ()), room)
             hint = hints[item.name]
             kinds = get_args(hint) if type(None) in get_args(hint) else (hint,)
             found[item.name] = Option(item.name, rooms, kinds, cast(Value, item.default),
                                       docs[item.name])
-    return found
+    return MappingProxyType(found)
 
 
 def _field_docs(room_type: type[object]) -> dict[str, str]:
@@ -145,7 +148,7 @@ def with_values(config: Config, values: dict[str, Value]) -> Config:
     return config
 
 
-def _known_name(key: object, known: dict[str, Option], where: str) -> str:
+def _known_name(key: object, known: Mapping[str, Option], where: str) -> str:
     name = str(key).replace("-", "_")
     if name in known:
         return name
@@ -189,6 +192,8 @@ def _convert(kind: object, value: object) -> tuple[Value, str]:
         return _finite(value), "a number"
     if kind is str:
         return value if isinstance(value, str) and value else None, "text"
+    if kind is list:
+        return tuple(map(str, value)) if isinstance(value, list) else None, "words"
     parts = [_finite(v) for v in value] if isinstance(value, list | tuple) else []
     if len(parts) == 3 and None not in parts and any(parts):
         x, y, z = cast(list[float], parts)

@@ -6,6 +6,7 @@ import argparse
 import difflib
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import groupby
 from typing import NoReturn, cast, get_args, get_origin
 
 from part2gs_robotics import __version__
@@ -30,8 +31,8 @@ class Command:
     extra: tuple[Option, ...] = ()
 
 
-def _own(name: str, kind: type, default: Value, doc: str) -> Option:
-    return Option(name, (), (kind,), default, doc)
+def _capture(name: str, kind: type, default: Value, doc: str) -> Option:
+    return Option(name, ("capture",), (kind,), default, doc)
 
 
 COMMANDS = {
@@ -41,16 +42,17 @@ COMMANDS = {
                      ("check",)),
     "capture": Command("render a two-state scene with ground truth from an MJCF or URDF model",
                        ("MODEL", "SCENE"), (),
-                       (_own("views", int, 64, "training views per state"),
-                        _own("test_views", int, 0, "further views per state that no fit may use"),
-                        _own("size", int, 400, "image side in pixels"),
-                        _own("seed", int, 0, "places of the cameras"),
-                        _own("depth", bool, False, "also write 16-bit depth images"),
-                        _own("state", list, None, "positions of one joint in both states; may be "
-                             "given for several joints, all others stay at rest"))),
+                       (_capture("views", int, 64, "training views per state"),
+                        _capture("test_views", int, 0,
+                                 "further views per state that no fit may use"),
+                        _capture("size", int, 400, "image side in pixels"),
+                        _capture("seed", int, 0, "places of the cameras"),
+                        _capture("depth", bool, False, "also write 16-bit depth images"),
+                        _capture("state", list, None, "positions of one joint in both states; may "
+                                 "be given for several joints, all others stay at rest"))),
 }
 ALWAYS = ("quiet", "verbose")
-SHORT = {"out": "-o"}
+SHORT = {"out": ["-o"]}
 EXIT_CODES = """exit codes: 0 built and all checks pass; 1 built or checked, but physics fails;
 2 bad usage or input; 3 internal error; 130 interrupted (the same command continues)"""
 
@@ -79,21 +81,20 @@ def parse(argv: Sequence[str]) -> Call:
     """
     name = next((word for word in argv if word in COMMANDS), "")
     found, unknown = _parser(name).parse_known_intermixed_args(list(argv))
-    words = cast("list[str]", found.words)
+    given = vars(found)
+    words = cast("list[str]", given.pop("words"))
     if not words or words[0] not in COMMANDS:
         raise ConfigError(f"command line: no command ({' '.join(words)[:60] or 'empty'}). Expected "
                           f"one of {', '.join(COMMANDS)}; for example: part2gs-robot build scene/.")
-    command = COMMANDS[words[0]]
-    available = command_options(words[0])
+    command, paths = words[0], tuple(words[1:])
+    available, wanted = command_options(command), COMMANDS[command].paths
     if unknown:
-        _refuse_unknown(unknown[0], words[0], available)
-    if len(words) - 1 != len(command.paths):
-        raise ConfigError(f"command line: {words[0]} got {len(words) - 1} paths. Expected "
-                          f"{' '.join(command.paths)}; see part2gs-robot {words[0]} --help.")
-    given = {key: value for key, value in vars(found).items()
-             if key != "words" and value is not None}
-    return Call(words[0], tuple(words[1:]),
-                {key: _from_text(available[key], value) for key, value in given.items()})
+        _refuse_unknown(unknown[0], command, available)
+    if len(paths) != len(wanted):
+        raise ConfigError(f"command line: {command} got {len(paths)} paths. Expected "
+                          f"{' '.join(wanted)}; see part2gs-robot {command} --help.")
+    return Call(command, paths, {key: convert(available[key], value, available[key].flag)
+                                 for key, value in given.items()})
 
 
 def command_options(name: str) -> dict[str, Option]:
@@ -105,54 +106,44 @@ def command_options(name: str) -> dict[str, Option]:
 
 
 def _parser(name: str) -> _Parser:
-    listing = "\n".join(f"  {key} {' '.join(command.paths):14s} {command.summary}"
+    listing = "\n".join(f"  {key:7s} {' '.join(command.paths):11s}  {command.summary}"
                         for key, command in COMMANDS.items())
     paths = " ".join(COMMANDS[name].paths) if name else "PATH..."
     parser = _Parser(
         prog="part2gs-robot", allow_abbrev=False,
         usage=f"part2gs-robot {name or 'COMMAND'} {paths} [flags in any order]",
         description=f"commands:\n{listing}", epilog=EXIT_CODES,
+        argument_default=argparse.SUPPRESS,  # what was not given must not override scene.yaml
         formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("words", nargs="*", help=argparse.SUPPRESS)
+    parser.add_argument("words", nargs="*", default=[], help=argparse.SUPPRESS)
     parser.add_argument("--version", action="version", version=f"part2gs-robot {__version__}")
-    groups: dict[str, argparse._ArgumentGroup] = {}
-    for option in command_options(name).values() if name else ():
-        room = option.rooms[0] if option.rooms else name
-        group = groups.setdefault(room, parser.add_argument_group(room)) \
-            if room not in groups else groups[room]
-        _add_flag(group, option)
+    settings = command_options(name).values() if name else ()
+    for room, members in groupby(settings, lambda option: option.rooms[0]):
+        group = parser.add_argument_group(room)
+        for option in members:
+            _add_flag(group, option)
     return parser
 
 
 def _add_flag(group: argparse._ArgumentGroup, option: Option) -> None:
-    names = [option.flag, *([SHORT[option.name]] if option.name in SHORT else [])]
+    names = [option.flag, *SHORT.get(option.name, [])]
     shown = "" if option.default is None else f" (default: {_shown(option.default)})"
     text = f"{option.doc}{shown}".replace("%", "%%")
     kind = option.kinds[0]
+    values = "|".join(map(str, get_args(kind))) or option.name.upper()
     if kind is bool:
-        group.add_argument(*names, action=argparse.BooleanOptionalAction, default=None, help=text)
+        group.add_argument(*names, action=argparse.BooleanOptionalAction, help=text)
     elif get_origin(kind) is tuple:
-        group.add_argument(*names, nargs=3, metavar=("X", "Y", "Z"), help=text)
+        group.add_argument(*names, type=_number, nargs=3, metavar=("X", "Y", "Z"), help=text)
     elif kind is list:
         group.add_argument(*names, action="append", metavar="JOINT=Q0,Q1", help=text)
     else:
-        values = "|".join(map(str, get_args(kind)))
-        group.add_argument(*names, metavar=values or option.name.upper(), help=text)
+        number = kind in (int, float)
+        group.add_argument(*names, type=_number if number else str, metavar=values, help=text)
 
 
 def _shown(value: Value) -> str:
     return {True: "on", False: "off"}[value] if isinstance(value, bool) else str(value)
-
-
-def _from_text(option: Option, text: object) -> Value:
-    """Return a flag's words as the setting's type."""
-    if isinstance(text, list) and option.kinds[0] is list:
-        return "\n".join(text)
-    if isinstance(text, list):
-        return convert(option, [_number(word) for word in text], option.flag)
-    kind = option.kinds[0]
-    value = _number(text) if kind in (int, float) and isinstance(text, str) else text
-    return convert(option, value, option.flag)
 
 
 def _number(text: str) -> object:

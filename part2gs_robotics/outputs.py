@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 import numpy as np
+import yaml
 from numpy.typing import NDArray
 
 from part2gs_robotics import __version__
-from part2gs_robotics.config import CheckConfig
+from part2gs_robotics.config import Config, to_dict
 from part2gs_robotics.model.gaussians import Gaussians
 from part2gs_robotics.model.motion import Motion
 from part2gs_robotics.model.scene import Scene, StateViews
-from part2gs_robotics.model.scene_frame import SceneFrame
+from part2gs_robotics.model.scene_frame import SceneFrame, gaussians_in_scene
 from part2gs_robotics.model.twin import Twin
 from part2gs_robotics.plan import Plan
 from part2gs_robotics.report.report_json import ReportData, write_report
@@ -22,66 +23,87 @@ from part2gs_robotics.sim_checks.result import CheckReport
 from part2gs_robotics.stages import Fitted
 
 
-def write_outputs(
-    folder: Path, out: Path, scene: Scene, twin: Twin, fits: tuple[Fitted, ...], placed: Gaussians,
-    motion: Motion, plan: Plan, seconds: dict[str, float], config_yaml: str, config: CheckConfig,
-    frame: SceneFrame,
-) -> tuple[CheckReport, str]:
+@dataclass(frozen=True)
+class BuildResult:
+    """All that a build found, for those who write it down.
+
+    Attributes:
+        scene: what was read, in internal units like the fits.
+        frame: scene_from_internal.
+        fits: Gaussians and curve of both states.
+        motion: part identities of these Gaussians.
+        twin: what was built, in the scene's frame.
+        plan: settled decisions.
+        config: resolved settings.
+        seconds: wall time per stage.
+    """
+
+    scene: Scene
+    frame: SceneFrame
+    fits: tuple[Fitted, Fitted]
+    motion: Motion
+    twin: Twin
+    plan: Plan
+    config: Config
+    seconds: dict[str, float]
+
+
+def write_outputs(folder: Path, out: Path, result: BuildResult) -> tuple[CheckReport, str]:
     """Write every file of the twin folder; returns the checks and a summary for people.
 
     Args:
         folder: fresh folder the files go to.
         out: where they will lie, for texts.
-        scene: what was read, in internal units like the fits, for pictures of them.
-        twin: what was built, in the scene's frame.
-        fits: Gaussians and curve of both states.
-        placed: Gaussians of state 0 in the scene's frame.
-        motion: part identities of these Gaussians.
-        plan: settled decisions.
-        seconds: wall time per stage.
-        config_yaml: resolved configuration.
-        config: settings of the checks.
-        frame: scene_from_internal, written down for readers of the stage files.
+        result: of the build.
     """
     from part2gs_robotics.exporters.mjcf import write_mjcf
     from part2gs_robotics.exporters.twin_yaml import write_twin_yaml
     from part2gs_robotics.exporters.urdf import write_urdf
     from part2gs_robotics.sim_checks import check
 
-    counts = _counts(scene, fits)
+    twin = result.twin
     write_mjcf(twin, folder)
     write_urdf(twin, folder)
-    write_twin_yaml(twin, folder, {"version": __version__, "layout": scene.layout,
-                                   "internal_frame": asdict(frame), **counts})
-    write_text_atomic(folder / "config.yaml", config_yaml)
-    _write_gaussians(folder, placed, motion, twin)
-    report = replace(check(folder, steps=config.sweep_values), path=str(out))
-    write_report(folder, ReportData(
-        scene=scene.path.resolve().name, layout=scene.layout, exit_code=report.exit_code, twin=twin,
-        counts=counts, stage_seconds=seconds, plan=plan.rows(),
-        curves=tuple((f"state {index}", fit[1]) for index, fit in enumerate(fits)),
-        pictures=tuple(_picture(scene.states[index], fit[0], f"state {index}")
-                       for index, fit in enumerate(fits)),
-        checks=report.to_dict(), notes=report.notes))
+    write_twin_yaml(twin, folder, {"version": __version__, "layout": result.scene.layout,
+                                   "internal_frame": asdict(result.frame), **_counts(result)})
+    write_text_atomic(folder / "config.yaml",
+                      yaml.safe_dump(to_dict(result.config), sort_keys=False))
+    _write_gaussians(folder, result)
+    report = replace(check(folder, steps=result.config.check.sweep_values), path=str(out))
+    write_report(folder, _told(result, report))
     return report, _summary(out, twin, report)
 
 
-def _counts(scene: Scene, fits: tuple[Fitted, ...]) -> dict[str, float]:
+def _told(result: BuildResult, report: CheckReport) -> ReportData:
+    """Return what the report says."""
+    scene = result.scene
+    return ReportData(
+        scene=scene.path.resolve().name, layout=scene.layout, exit_code=report.exit_code,
+        twin=result.twin, counts=_counts(result), stage_seconds=result.seconds,
+        plan=result.plan.rows(),
+        curves=tuple((f"state {index}", fit[1]) for index, fit in enumerate(result.fits)),
+        pictures=tuple(_picture(scene.states[index], fit[0], f"state {index}")
+                       for index, fit in enumerate(result.fits)),
+        checks=report.to_dict(), notes=report.notes)
+
+
+def _counts(result: BuildResult) -> dict[str, float]:
     counts: dict[str, float] = {}
-    for index, (state, fit) in enumerate(zip(scene.states, fits, strict=True)):
+    for index, (state, fit) in enumerate(zip(result.scene.states, result.fits, strict=True)):
         counts |= {f"views_{index}": len(state), f"width_{index}": state.width,
                    f"height_{index}": state.height, f"gaussians_{index}": len(fit[0]),
                    f"held_out_psnr_{index}": round(fit[1][-1][1], 3)}
     return counts
 
 
-def _write_gaussians(folder: Path, gaussians: Gaussians, motion: Motion, twin: Twin) -> None:
+def _write_gaussians(folder: Path, result: BuildResult) -> None:
     """Write the Gaussians of state 0, whole and per part: at q = 0 they lie on the meshes."""
     from part2gs_robotics.exporters.gaussian_ply import write_gaussians_ply
 
+    gaussians = gaussians_in_scene(result.fits[0][0], result.frame)
+    labels = result.motion.labels(0)
     write_gaussians_ply(gaussians, folder / "gaussians.ply")
-    labels = motion.labels(0)
-    for index, part in enumerate(twin.parts):
+    for index, part in enumerate(result.twin.parts):
         write_gaussians_ply(gaussians.select(labels == index), folder / f"{part.name}.ply")
 
 

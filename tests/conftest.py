@@ -142,12 +142,11 @@ def screwed(toy):
 @pytest.fixture(scope="session")
 def look_alikes(toy):
     """Two equal blocks on a base, slid along x by 0.3 and 0.2: a study, the truth, the photos."""
-    from part2gs_robotics.evidence.study import gather
+    from part2gs_robotics.model.joint import Joint
     from part2gs_robotics.model.se3 import make
-    from part2gs_robotics.search.hypothesis import Hypothesis
 
     base = Box((0, 0, 0), (0.9, 0.8, 0.25), 1)
-    truth = [Hypothesis(0, np.array([1.0, 0, 0]), np.array([0.2, 0.4, 0.4]), way)
+    truth = [Joint("prismatic", np.array([1.0, 0, 0]), np.array([0.2, 0.4, 0.4]), way)
              for way in (0.3, 0.2)]
     places = [((0.05, 0.06, 0.25), (0.4, 0.36, 0.5)), ((0.05, 0.44, 0.25), (0.4, 0.74, 0.5))]
     before = [base, *(Box(*place, 2) for place in places)]
@@ -156,7 +155,7 @@ def look_alikes(toy):
     pairs = [gaussians_of(boxes, 0.04) for boxes in (before, after)]
     eyes = cameras(16, 56, np.array([0.45, 0.4, 0.25]), 1.1)
     scene = scene_of(tuple(drawn(gaussians, *eyes, 56) for gaussians, _ in pairs))
-    study = gather(scene, (pairs[0][0], pairs[1][0]))
+    study = toys.study_of(scene, (pairs[0][0], pairs[1][0]))
     return SimpleNamespace(study=study, truth=truth, scene=scene,
                            owners=tuple(owner for _, owner in pairs))
 
@@ -171,5 +170,7 @@ def judge(look_alikes):
 
 @pytest.fixture(scope="session")
 def right(judge, look_alikes):
-    """The verdict on both true motions."""
-    return judge.judge(look_alikes.truth)
+    """The candidate of both true motions, judged."""
+    from part2gs_robotics.decide.candidate import on_base
+
+    return judge.judge(on_base(look_alikes.truth))

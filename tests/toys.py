@@ -111,12 +111,12 @@ def gaussians_of(boxes, spacing):
 
 def drawn(gaussians, Ks, viewmats, side):
     """Return StateViews of Gaussians, drawn by the product's own renderer."""
-    from part2gs_robotics.model.scene import StateViews
+    from part2gs_robotics.model.scene import Camera, StateViews
     from part2gs_robotics.render.dispatch import render
 
-    g, images, alphas = gaussians, [], []
+    images, alphas = [], []
     for K, view in zip(Ks, viewmats, strict=True):
-        out = render(g.means, g.quats, g.scales, g.opacities, g.colors, view, K, side, side)
+        out = render(gaussians.splats, Camera(view, K, side, side))
         straight = out.color / np.maximum(out.alpha, 1e-3)[..., None]
         images.append(np.round(np.clip(straight, 0, 1) * 255).astype(np.uint8))
         alphas.append(np.round(out.alpha * 255).astype(np.uint8))
@@ -131,9 +131,23 @@ def scene_of(states):
     return Scene(Path("toy"), "toy", states)
 
 
+def depth_maps_of_images(state):
+    """Return the depth images of a state as first-surface depth."""
+    from part2gs_robotics.evidence.depth_maps import DepthMaps
+
+    return DepthMaps(state.depths, state.alphas, state.Ks, state.viewmats)
+
+
+def study_of(scene, gaussians, config=None):
+    """Return the study of a scene and the Gaussians of both states."""
+    from part2gs_robotics.evidence.canonical import canonical
+    from part2gs_robotics.evidence.study import gather
+
+    return gather(canonical(scene, tuple(gaussians), config), config)
+
+
 def seen_surface(boxes, views=24, side=96, voxel=0.02):
     """Return surfels, landing grid (reach 0.1) and depth maps of ray-cast boxes within -1..1.6."""
-    from part2gs_robotics.evidence.depth_maps import depth_maps_of_images
     from part2gs_robotics.evidence.landing import build_landing
     from part2gs_robotics.evidence.surfels import fuse_surfels
 
@@ -141,7 +155,7 @@ def seen_surface(boxes, views=24, side=96, voxel=0.02):
     maps = depth_maps_of_images(state)
     surfels = fuse_surfels(maps, state.images, voxel, stride=1)
     lo, hi = np.full(3, -0.8), np.full(3, 1.5)
-    land = build_landing(surfels, np.zeros(len(surfels)), maps, lo, hi, voxel, 0.1)
+    land = build_landing(surfels, np.zeros(len(surfels)), maps, (lo, hi), voxel, 0.1)
     return SimpleNamespace(surfels=surfels, land=land, maps=maps, state=state)
 
 

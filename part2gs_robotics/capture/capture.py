@@ -52,29 +52,35 @@ class Captured:
     seconds: float
 
 
-def capture(
-    model: Path,
-    scene: Path,
-    *,
-    views: int = 64,
-    test_views: int = 0,
-    size: int = 400,
-    seed: int = 0,
-    states: States | None = None,
-    depth: bool = False,
-) -> Captured:
+@dataclass(frozen=True)
+class Shots:
+    """What is photographed.
+
+    Attributes:
+        views: training views per state.
+        test_views: further views per state that no fit may use.
+        size: image side, pixels.
+        seed: places of the cameras; the same seed gives the same bytes on one machine.
+        depth: also write 16-bit depth images.
+    """
+
+    views: int = 64
+    test_views: int = 0
+    size: int = 400
+    seed: int = 0
+    depth: bool = False
+
+
+def capture(model: Path, scene: Path, shots: Shots | None = None,
+            states: States | None = None) -> Captured:
     """Write a two-state scene and its ground truth from an articulated model.
 
     Args:
         model: MJCF or URDF file; every file it refers to lies below its folder.
         scene: new folder; the truth goes to `<scene>.gt` beside it.
-        views: training views per state.
-        test_views: further views per state that no fit may use.
-        size: image side, pixels.
-        seed: places of the cameras; the same seed gives the same bytes on one machine.
+        shots: how many photos of what size; None = 64 per state of 400 pixels.
         states: joint name -> (q at state 0, q at state 1), rad or scene units. None moves every
             hinge and slide from 5 % to 75 % of its range (unlimited: 0 to 45 degrees).
-        depth: also write 16-bit depth images.
 
     Returns:
         Where everything lies.
@@ -86,12 +92,13 @@ def capture(
     """
     from part2gs_robotics.capture.rig import Rig
 
-    _check_numbers(views, test_views, size)
+    shots = shots or Shots()
+    _check_numbers(shots.views, shots.test_views, shots.size)
     began = time.perf_counter()
     with (
         logged_messages(str(model)),
         _new_folders(scene) as (folder, truth),
-        Rig(model, size) as rig,
+        Rig(model, shots.size) as rig,
     ):
         moves = _choose_states(rig, states, model)
         clouds = [_posed(rig, moves, s) for s in (0, 1)]
@@ -99,15 +106,16 @@ def capture(
         rig.focus(cloud)
         for s in (0, 1):
             _posed(rig, moves, s)
-            for split, count in (("train", views), ("test", test_views)):
-                rng = np.random.default_rng([seed, s, split == "test"])
+            for split, count in (("train", shots.views), ("test", shots.test_views)):
+                rng = np.random.default_rng([shots.seed, s, split == "test"])
                 if count:
-                    _shoot_all(rig, place_cameras(cloud, count, rng), folder, s, split, size, depth)
-        notes: dict[str, object] = {"model": model.name, "views": views, "size": size, "seed": seed}
+                    _shoot_all(rig, place_cameras(cloud, count, rng), folder, s, split, shots)
+        notes: dict[str, object] = {"model": model.name, "views": shots.views,
+                                    "size": shots.size, "seed": shots.seed}
         _write_json(truth / "gt.json", _truth(rig, moves, cloud, notes))
     return Captured(
         scene, _truth_folder(scene), tuple(j.name for j, _ in moves),
-        2 * (views + test_views), time.perf_counter() - began,
+        2 * (shots.views + shots.test_views), time.perf_counter() - began,
     )  # fmt: skip
 
 
@@ -202,17 +210,16 @@ def _posed(rig: Rig, moves: list[tuple[JointInfo, tuple[float, float]]], s: int)
     return rig.points()
 
 
-def _shoot_all(
-    rig: Rig, cameras: list[Array], folder: Path, s: int, split: str, size: int, depth: bool
-) -> None:
+def _shoot_all(rig: Rig, cameras: list[Array], folder: Path, s: int, split: str, shots: Shots,
+               ) -> None:
     """Write the images and the camera file of one state and split."""
-    below = f"{STATE_NAMES[s]}/{split}"
+    below, size = f"{STATE_NAMES[s]}/{split}", shots.size
     focal = size / 2 / np.tan(FOV_RAD / 2)
     frames = []
     for i, world_from_camera in enumerate(cameras):
-        rgba, z = rig.shoot(world_from_camera, depth=depth)
+        rgba, z = rig.shoot(world_from_camera, depth=shots.depth)
         _write_png(folder / below / "rgba" / f"{i:04d}.png", rgba[..., [2, 1, 0, 3]])
-        if depth:
+        if shots.depth:
             steps = np.clip((z * 1000).round(), 0, 65535).astype(np.uint16)
             _write_png(folder / below / "depth" / f"{i:04d}.png", steps)
         frames.append(

@@ -13,15 +13,14 @@ from dataclasses import replace
 
 import numpy as np
 
+from part2gs_robotics.decide.candidate import MORE_MET, Candidate
 from part2gs_robotics.decide.grow import one_more
-from part2gs_robotics.decide.judge import MORE_MET, Judge, Verdict
+from part2gs_robotics.decide.judge import Judge
 from part2gs_robotics.decide.pieces import apart
 from part2gs_robotics.decide.split import TORN, torn
 from part2gs_robotics.decide.turn_alternatives import righted
-from part2gs_robotics.joints.tree import Tree
 from part2gs_robotics.model.joint import Joint
 from part2gs_robotics.search.choose_kind import choose_joint
-from part2gs_robotics.search.hypothesis import Hypothesis, hypothesis_of
 
 logger = logging.getLogger(__name__)
 MUCH = 8.0  # prices: false parts that images did not hold saved 6 and 7, true doors 9 and 13
@@ -42,174 +41,177 @@ HOPEFUL = 0.25
 ALIKE = 0.05  # of the diagonal: refinement takes motions nearer than that to one place
 
 
-def hopeful(judge: Judge, tree: Tree) -> Tree:
-    """Return a flat tree without parts that save nothing as joints, before time goes into them.
+def refilled(judge: Judge, before: Candidate, after: Candidate, pool: Sequence[Joint],
+             ) -> Candidate:
+    """Return what is left of parts on the base, turned and filled up as it pays.
+
+    Args:
+        judge: of the study.
+        before: with the parts that left.
+        after: without them; itself where none left.
+        pool: motions to choose from in the place of those.
+    """
+    if len(after) == len(before):
+        return after
+    return regrown(judge, before, refitted(judge, after), pool)
+
+
+def staying(judge: Judge, found: Candidate) -> Candidate:
+    """Return settled parts without those that no longer pay or that the images do not hold."""
+    return held(judge, pruned(judge, found))
+
+
+def hopeful(judge: Judge, found: Candidate) -> Candidate:
+    """Return parts on the base without those that save nothing as joints, before time goes there.
 
     The decision is made of motions; what hides a bend as a motion may save nothing as a joint.
     """
-    now = judge.judge([hypothesis_of(j) for j in tree.joints])
-    for k in reversed(range(len(tree.joints))):
+    kept, now = found, judge.judge(found)
+    for k in reversed(range(len(found))):
         rest, gain, price = _gain(judge, now, k)
-        if gain < HOPEFUL * price and len(tree.joints) > 1:
+        if gain < HOPEFUL * price and len(now) > 1:
             logger.info("prune: part %d saves %.4f as a joint; price %.4f", k + 1, gain, price)
-            tree, now = _without(tree, k, rest), rest
-    return tree
+            kept = now = rest
+    return kept
 
 
-def pruned(judge: Judge, tree: Tree) -> Tree:
-    """Return the tree without parts that no longer pay; the last one that moves stays.
+def pruned(judge: Judge, found: Candidate) -> Candidate:
+    """Return the candidate without parts that no longer pay; the last one that moves stays.
 
     A part whose leaving makes one motion carry two bodies need pay half.
     """
-    now = judge.judge([hypothesis_of(j) for j in tree.joints])
-    for k in reversed(range(len(tree.joints))):
-        proven = tree.parents[k] and not tree.known[k]  # it paid beside the settled others
-        if proven or k + 1 in tree.parents or len(tree.joints) == 1:
+    kept, now = found, judge.judge(found)
+    for k in reversed(range(len(found))):
+        proven = now.parents[k] and not now.known[k]  # it paid beside the settled others
+        if proven or k + 1 in now.parents or len(now) == 1:
             continue
         rest, gain, price = _gain(judge, now, k)
         if price > gain >= TORN * price and _two_in_one(judge, now, rest):
             price *= TORN
         logger.info("prune: without part %d %.4f more; price %.4f", k + 1, gain, price)
         if gain < price or not now.improves(rest):
-            tree, now = _without(tree, k, rest), rest
-    return tree
+            kept = now = rest
+    return kept
 
 
-def unpaid(judge: Judge, tree: Tree) -> list[int]:
+def unpaid(judge: Judge, found: Candidate) -> list[int]:
     """Return the numbers of parts that save less than a part must, beside all others."""
-    if len(tree.joints) < 2:
+    if len(found) < 2:
         return []
-    now = judge.judge([hypothesis_of(j) for j in tree.joints])
-    found = []
-    for k in range(len(tree.joints)):
+    now, few = judge.judge(found), []
+    for k in range(len(found)):
         rest, gain, price = _gain(judge, now, k)
-        if k + 1 not in tree.parents and (gain < price or not now.improves(rest)):
-            found.append(k + 1)
-    return found
+        if k + 1 not in found.parents and (gain < price or not now.improves(rest)):
+            few.append(k + 1)
+    return few
 
 
-def _without(tree: Tree, k: int, rest: Verdict) -> Tree:
-    parents = tree.parents[:k] + tree.parents[k + 1:]
-    return Tree(tree.joints[:k] + tree.joints[k + 1:], tuple(p - (p > k + 1) for p in parents),
-                rest.hard, tree.known[:k] + tree.known[k + 1:])
-
-
-def _two_in_one(judge: Judge, now: Verdict, rest: Verdict) -> bool:
+def _two_in_one(judge: Judge, now: Candidate, rest: Candidate) -> bool:
     """Return whether one motion of `rest` carries what two of `now` do.
 
     It then meets few of its surfels in the other state, or carries pieces that nothing joins.
     """
-    return (rest.met < now.met - MORE_MET
+    return (rest.scores.met < now.scores.met - MORE_MET
             or torn(judge.study, rest) > torn(judge.study, now))
 
 
-def _gain(judge: Judge, now: Verdict, k: int) -> tuple[Verdict, float, float]:
-    """Return the verdict without motion k, what it saves, and its price.
+def _gain(judge: Judge, now: Candidate, k: int) -> tuple[Candidate, float, float]:
+    """Return the candidate without motion k, what it saves, and its price.
 
     Without one of two drawers the other's motion hides both rather well, but is no body's any more.
     """
-    rest = judge.judge([*now.motions[:k], *now.motions[k + 1:]])
-    left = rest.surfel_cost + rest.image_cost
-    gain = max(left - now.surfel_cost - now.image_cost, rest.cost - now.cost)
+    rest = judge.judge(now.without(k))
+    left = rest.scores.left
+    gain = max(left - now.scores.surfels - now.scores.images, rest.cost - now.cost)
     return rest, gain, judge.price(now, left)
 
 
-def held(judge: Judge, tree: Tree) -> Tree:
-    """Return the tree without parts that the images do not hold in place, unless they save much.
+def held(judge: Judge, found: Candidate) -> Candidate:
+    """Return the candidate without parts that images do not hold in place, unless they save much.
 
     A motion that only hides what one state's bent depth shows has no edges that must fit: its
     curvature is that of noise, and how far it moves is as good as unknown. A plain door in few
     photos has little more, but saves more, or has a firm axis and saves a few prices. If the whole
-    cost is lower without it, nothing keeps it: a false part on a microwave's glass turned about a
-    line in the air.
+    cost is lower without it, nothing keeps it.
     A carried part needs an axis whatever it saves: those of eleven builds had it to 0.0022 rad, a
-    false one on a microwave's door had none.
+    false one had none.
     """
-    motions = [hypothesis_of(j) for j in tree.joints]
-    shown = judge.shared(motions, tree.hard) > SHARED
-    seen = [np.isfinite(j.seen[1]) and j.seen[0] < LOOSE for j in tree.joints]
-    firm = [j.sigma_axis < FIRM and both for j, both in zip(tree.joints, shown, strict=True)]
+    motions = found.motions
+    shown = judge.shared(motions, found.labels) > SHARED
+    seen = [np.isfinite(j.seen[1]) and j.seen[0] < LOOSE for j in motions]
+    firm = [j.sigma_axis < FIRM and both for j, both in zip(motions, shown, strict=True)]
     if all(seen) or not any(seen + firm):  # plain parts: photos that hold none do not tell
-        return tree
-
-    now = judge.judge(motions)
+        return found
+    now = judge.judge(found)
 
     def alone(k: int) -> bool:
-        if seen[k] or k + 1 in tree.parents:
+        if seen[k] or k + 1 in found.parents:
             return False
-        if not firm[k] and tree.parents[k] and not np.isfinite(tree.joints[k].sigma_axis):
+        if not firm[k] and found.parents[k] and not np.isfinite(motions[k].sigma_axis):
             return True  # what a carrier leaves is bent surface, unless something shows its axis
         rest, gain, price = _gain(judge, now, k)
         against = rest.cost + price < now.cost  # a line in the air may cost more than all it saves
         return against or gain < (FEW if firm[k] else MUCH) * price
 
-    loose = [alone(k) for k in range(len(tree.joints))]
-    if not any(loose):
-        return tree
-    keep = [k for k, away in enumerate(loose) if not away]
-    for k in np.flatnonzero(loose):
+    loose = [k for k in range(len(found)) if alone(k)]
+    for k in loose:
         logger.info("prune: part %d is not held by the images, axis +- %.2g deg", k + 1,
-                    np.degrees(tree.joints[k].seen[0]))
-    joints = [tree.joints[k] for k in keep]
-    number = np.cumsum([0, *(not away for away in loose)])
-    hard = judge.judge([hypothesis_of(j) for j in joints]).hard
-    return Tree(joints, tuple(int(number[tree.parents[k]]) for k in keep), hard,
-                tuple(tree.known[k] for k in keep))
+                    np.degrees(motions[k].seen[0]))
+    kept = found
+    for k in reversed(loose):
+        kept = kept.without(k)
+    return judge.judge(kept) if loose else found
 
 
-def refitted(judge: Judge, tree: Tree) -> Tree:
-    """Return a flat tree with every turn the way round that fits now that parts have left.
+def refitted(judge: Judge, found: Candidate) -> Candidate:
+    """Return parts on the base, every turn the way round that fits now that parts have left.
 
     A part that left had part of the surface: what stayed may be the motion that fitted the rest.
     """
-    old = judge.judge([hypothesis_of(j) for j in tree.joints])
-    new = righted(judge, old, _say)
-    joints = [j if a is b else joint_of(judge, new, k) for k, (j, a, b)
-              in enumerate(zip(tree.joints, old.motions, new.motions, strict=True))]
-    return replace(tree, joints=joints, hard=tree.hard if new is old else new.hard)
+    old = judge.judge(found)
+    new = righted(judge, old)
+    return found if new is old else _kinds_chosen(judge, new, old)
 
 
-def regrown(judge: Judge, before: Tree, after: Tree, pool: Sequence[Hypothesis]) -> Tree:
-    """Return the flat tree `after` with other motions in the place of parts that left, if they pay.
+def regrown(judge: Judge, before: Candidate, after: Candidate, pool: Sequence[Joint]) -> Candidate:
+    """Return `after`, on the base, with other motions in the place of parts that left, if they pay.
 
     Args:
         judge: of the study.
-        before: tree with the parts that left.
-        after: tree without them.
+        before: with the parts that left.
+        after: without them.
         pool: motions to choose from; those that do as a part did that left are not asked again.
     """
     stayed = set(after.known)
-    gone = [k for k in range(len(before.joints)) if before.known[k] not in stayed]
+    gone = [k for k in range(len(before)) if before.known[k] not in stayed]
     others = [h for h in pool if not any(_alike(judge, before, k, h) for k in gone)]
-    best = start = judge.judge([hypothesis_of(j) for j in after.joints])
+    best = start = judge.judge(after)
     for _ in gone if others else ():
-        grown, price = one_more(judge, best, others, False, False, _say)
+        grown, price = one_more(judge, best, others, False, False)
         gain = best.cost - grown.cost
         logger.info("prune: another motion saves %.4f; price %.4f", gain, price)
         if gain < price or not (grown.coherent and grown.improves(best)):
             break
         best = grown
-    if best is start:
-        return after
-    stays = [any(h is old for old in start.motions) for h in best.motions]
-    joints = [after.joints[k] if old else joint_of(judge, best, k) for k, old in enumerate(stays)]
-    known = (*after.known, *(0,) * (len(joints) - len(after.joints)))
-    return Tree(joints, (0,) * len(joints), best.hard, known)
+    return after if best is start else _kinds_chosen(judge, best, start)
 
 
-def _alike(judge: Judge, tree: Tree, k: int, h: Hypothesis) -> bool:
+def _kinds_chosen(judge: Judge, new: Candidate, old: Candidate) -> Candidate:
+    """Return a candidate with the kind of every motion chosen that `old` does not have."""
+    stays = [any(h is known for known in old.motions) for h in new.motions]
+    return new.with_motions(h if stays[k] else joint_of(judge, new, k)
+                            for k, h in enumerate(new.motions))
+
+
+def _alike(judge: Judge, found: Candidate, k: int, h: Joint) -> bool:
     """Return whether a motion carries a part to where its joint does."""
-    own = judge.study.own(tree.hard, k + 1)
-    return apart(h, hypothesis_of(tree.joints[k]), own) < ALIKE * judge.study.diag
+    own = judge.study.own(found.labels, k + 1)
+    return apart(h, found.motions[k], own) < ALIKE * judge.study.diag
 
 
-def _say(text: str) -> None:
-    logger.info("prune: %s", text)
-
-
-def joint_of(judge: Judge, verdict: Verdict, k: int) -> Joint:
+def joint_of(judge: Judge, found: Candidate, k: int) -> Joint:
     """Return the joint that explains the surfels of motion k best."""
-    study, h = judge.study, verdict.motions[k]
-    joint = choose_joint(h, study.own(verdict.hard, k + 1), judge.lands, study.tau, study.diag,
-                         judge.confidence(verdict, k))
+    study, h = judge.study, found.motions[k]
+    joint = choose_joint(h, study.own(found.labels, k + 1), judge.lands, study.tau, study.diag,
+                         judge.confidence(found, k))
     return replace(joint, carrier=h.carrier)

@@ -12,7 +12,7 @@ from itertools import combinations
 import numpy as np
 
 from part2gs_robotics.model.arrays import F64
-from part2gs_robotics.search.hypothesis import Hypothesis
+from part2gs_robotics.model.joint import Joint
 
 WAYS = 200  # directions tried, 8 deg apart at most: fitted normals are not better
 MOST = 400  # normals looked at: their mean is known to 0.02; every set of motions is asked
@@ -26,7 +26,7 @@ BESIDE, OFF = np.deg2rad(5.0), np.deg2rad(9.0)
 APART = np.sin(np.deg2rad(30.0))  # edges that meet at less have no sure line across them
 
 
-def askew(h: Hypothesis, normals: F64) -> float:
+def askew(h: Joint, normals: F64) -> float:
     """Return 0..1, how surely a slide runs neither along its part's walls nor across them.
 
     A shape without walls (a ball) leans as much in every direction, so none of them is askew.
@@ -35,7 +35,7 @@ def askew(h: Hypothesis, normals: F64) -> float:
         h: motion; 0 for what turns.
         normals: [n, 3] unit, of the part in either state: a slide turns none of them.
     """
-    if h.kind or not len(normals):
+    if h.turns or not len(normals):
         return 0.0
     normals = normals[:: 1 + len(normals) // MOST]
     excess = _lean(normals, h.axis[None])[0] - _lean(normals, _half_sphere(WAYS)).min()
@@ -52,7 +52,7 @@ def square(edges: F64) -> F64:
     return np.array([*edges, *found] if found else []).reshape(-1, 3)
 
 
-def crooked(h: Hypothesis, lines: F64) -> float:
+def crooked(h: Joint, lines: F64) -> float:
     """Return 0..1, how surely an axis keeps to none of the lines [C, 3] of `square`."""
     if not len(lines):
         return 0.0

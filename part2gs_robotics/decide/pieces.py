@@ -9,19 +9,19 @@ from scipy.spatial import cKDTree
 from part2gs_robotics.evidence.surfels import Surfels
 from part2gs_robotics.model import se3
 from part2gs_robotics.model.arrays import F64
-from part2gs_robotics.search.hypothesis import Hypothesis
+from part2gs_robotics.model.joint import Joint
 
 GAP = 0.02  # of the diagonal, two surfels: pieces nearer to each other are joined
 PIECE = 0.15  # of a part's surfels: less is a handle or a patch gone astray
 
 
-def at_home(h: Hypothesis, own: tuple[Surfels, Surfels]) -> F64:
+def at_home(h: Joint, own: tuple[Surfels, Surfels]) -> F64:
     """Return [n, 3] points of a part's surfels of both states, where they are in state 0."""
     zero, one = own
     return np.concatenate([zero.points, se3.apply(se3.inverse(h.move), one.points)])
 
 
-def apart(one: Hypothesis, two: Hypothesis, own: tuple[Surfels, Surfels]) -> float:
+def apart(one: Joint, two: Joint, own: tuple[Surfels, Surfels]) -> float:
     """Return how far apart two motions carry a part's surfels on average, scene units.
 
     Args:
@@ -34,7 +34,7 @@ def apart(one: Hypothesis, two: Hypothesis, own: tuple[Surfels, Surfels]) -> flo
     return float(gaps.mean()) if len(points) else float("inf")
 
 
-def pieces(h: Hypothesis, own: tuple[Surfels, Surfels], diag: float, least: int,
+def pieces(h: Joint, own: tuple[Surfels, Surfels], diag: float, least: int,
            ) -> list[tuple[Surfels, Surfels]]:
     """Return the surfels of every piece of a part, the largest first.
 

@@ -6,20 +6,22 @@ shows the rise.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+import logging
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
-from part2gs_robotics.decide.judge import Judge, Verdict
+from part2gs_robotics.decide.candidate import Candidate, on_base
+from part2gs_robotics.decide.judge import Judge
 from part2gs_robotics.evidence.landing import land
 from part2gs_robotics.model import se3
 from part2gs_robotics.model.joint import Joint
 from part2gs_robotics.search.choose_kind import LEAST_RISE
 from part2gs_robotics.search.cover import SEARCH_TAU
-from part2gs_robotics.search.hypothesis import SCREW, Hypothesis, rise_of
 from part2gs_robotics.search.refine import refine
 
+logger = logging.getLogger(__name__)
 RISES = (-0.10, -0.04, 0.0, 0.04, 0.10)  # of the diagonal: steps as wide as what a refinement spans
 LESS = 0.97  # of what its turn leaves: one number more always leaves a little less
 MOST = 3  # screws that are judged
@@ -29,54 +31,51 @@ PROVEN = 3.0  # standard deviations of the rise, which images must exclude zero 
 SAMPLE = 1500  # surfels of evidence per state: as many as refine a motion in some 50 ms
 
 
-def risen(judge: Judge, verdict: Verdict, pool: Sequence[Hypothesis],
-          say: Callable[[str], None]) -> Verdict:
-    """Return the verdict with screws for other motions, where the rise pays as a part must.
+def risen(judge: Judge, found: Candidate, pool: Sequence[Joint]) -> Candidate:
+    """Return the candidate with screws for other motions, where the rise pays as a part must.
 
     One screw may do for several parts: what rises with a cap was explained by a slide. With as many
     parts it must save as much as two more parts must.
 
     Args:
         judge: of the study.
-        verdict: decided without screws.
+        found: decided without screws.
         pool: motions that competed; screws grow from its turns.
-        say: told of every screw.
     """
-    best = verdict
+    best = found
     for screw in grown(judge, pool):
-        alone = judge.polished(judge.judge([screw]))
-        sets = [[*verdict.motions[:k], screw, *verdict.motions[k + 1:]]
-                for k in range(len(verdict.motions)) if len(verdict.motions) > 1]
+        alone = judge.polished(judge.judge(on_base([screw])))
+        sets = [found.swapped(k, screw) for k in range(len(found)) if len(found) > 1]
         trials = [alone, *([judge.polished(judge.best_of(sets))] if sets else [])]
         for trial in trials:
-            more = RARE + len(trial.motions) - len(best.motions)
+            more = RARE + len(trial) - len(best)
             price = more * judge.price(trial, best.cost)
             if trial.coherent and trial.cost < best.cost - price:
-                say(f"a screw among {len(trial.motions)} parts: cost {trial.cost:.4f}, "
-                    f"{best.cost - trial.cost:.4f} less")
+                logger.info("decide: a screw among %d parts: cost %.4f, %.4f less", len(trial),
+                            trial.cost, best.cost - trial.cost)
                 best = trial
     return best
 
 
-def grown(judge: Judge, pool: Sequence[Hypothesis]) -> list[Hypothesis]:
+def grown(judge: Judge, pool: Sequence[Joint]) -> list[Joint]:
     """Return screws that land more of the evidence than the turns they grew from."""
     study, rng = judge.study, np.random.default_rng(0)
     few = [s.select(rng.permutation(len(s))[:SAMPLE]) for s in study.evidence.sets]
     taus = SEARCH_TAU * study.diag, study.tau
 
-    def missed(h: Hypothesis) -> float:
+    def missed(h: Joint) -> float:
         moves = h.move, se3.inverse(h.move)
         return sum(float(land(m, s, judge.lands[1 - state], study.tau)[0].sum())
                    for state, (m, s) in enumerate(zip(moves, few, strict=True)))
 
-    out: list[tuple[float, Hypothesis]] = []
+    out: list[tuple[float, Joint]] = []
     for turn in pool:
-        if turn.kind == 1:
-            starts = [replace(turn, kind=SCREW, pitch=rise * study.diag / turn.value)
+        if turn.kind == "revolute":
+            starts = [replace(turn, kind="screw", pitch=rise * study.diag / turn.value)
                       for rise in RISES]
             screw = min((refine(h, (few[0], few[1]), judge.lands, taus, 3) for h in starts),
                         key=missed)
-            left, rises = missed(screw), abs(rise_of(screw)) > LEAST_RISE * study.diag
+            left, rises = missed(screw), abs(screw.rise) > LEAST_RISE * study.diag
             if rises and left < LESS * missed(turn) and all(abs(left - other) > ALIKE * left
                                                             for other, _ in out):
                 out.append((left, screw))
@@ -95,5 +94,5 @@ def plain(joints: Sequence[Joint], diag: float) -> list[Joint]:
 
 
 def _proven(joint: Joint, diag: float) -> bool:
-    rise = abs(rise_of(joint))
+    rise = abs(joint.rise)
     return rise > LEAST_RISE * diag and rise > PROVEN * joint.sigma_rise

@@ -133,13 +133,6 @@ def observe(points: NDArray[np.floating], maps: DepthMaps, tolerance: float) -> 
     return Observation(free, surface, hidden, outside)
 
 
-def depth_maps_of_images(state: StateViews) -> DepthMaps:
-    """Return the depth images of a state as first-surface depth; raises ValueError without any."""
-    if state.depths is None:
-        raise ValueError("this state has no depth images")
-    return DepthMaps(state.depths, state.alphas, state.Ks, state.viewmats)
-
-
 def render_depth_maps(gaussians: Gaussians, state: StateViews) -> DepthMaps:
     """Return the first-surface depth of Gaussians in every view of a state.
 
@@ -149,10 +142,9 @@ def render_depth_maps(gaussians: Gaussians, state: StateViews) -> DepthMaps:
     from part2gs_robotics.render.dispatch import render
 
     depths = np.zeros(state.alphas.shape, np.float32)
-    arrays = (gaussians.means, gaussians.quats, gaussians.scales, gaussians.opacities,
-              gaussians.colors)
+    splats = gaussians.splats
     for v in range(len(state)):
-        seen = render(*arrays, state.viewmats[v], state.Ks[v], state.width, state.height)
+        seen = render(splats, state.camera(v))
         solid = (seen.alpha > SOLID_ALPHA) & (state.alphas[v] > SOLID_ALPHA * 255)
         depths[v] = np.where(solid, seen.median_depth, 0.0)
     return DepthMaps(depths, state.alphas, state.Ks, state.viewmats)

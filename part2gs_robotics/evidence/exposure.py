@@ -36,12 +36,10 @@ def gain_between(scene: Scene, gaussians: Pair) -> F64:
     """
     views, work = small_views(scene.states[1], VIEWS, SIDE), Workspace()
     found = []
-    for v in range(len(views.colors)):
-        height, width = views.alphas[v].shape
-        camera = views.viewmats[v], views.Ks[v], width, height
+    for v in range(len(views)):
         pair = []
         for g in gaussians:
-            out = render(g.means, g.quats, g.scales, g.opacities, g.colors, *camera, workspace=work)
+            out = render(g.splats, views.camera(v), workspace=work)
             pair.append((out.color.copy(), out.alpha.copy(), out.depth.copy()))
         found.append(_ratios(*pair))
     ratios = np.concatenate(found)

@@ -64,10 +64,19 @@ class Landing:
         return np.concatenate([s.points, s.normals, s.colors, self.claimed[:, None]], 1)
 
 
-def build_landing(
-    surfels: Surfels, claimed: F64, maps: DepthMaps, lo: F64, hi: F64, voxel: float, reach: float
-) -> Landing:
-    """Return the landing grid of one state over the box lo..hi."""
+def build_landing(surfels: Surfels, claimed: F64, maps: DepthMaps, box: tuple[F64, F64],
+                  voxel: float, reach: float) -> Landing:
+    """Return the landing grid of one state over a box, see `Landing`.
+
+    Args:
+        surfels: surface of the state.
+        claimed: [M] 1 where the other state saw the surfel in its old place.
+        maps: depth maps of the state.
+        box: corners of the grid.
+        voxel: cell size, scene units.
+        reach: farthest surfel of a cell, scene units.
+    """
+    lo, hi = box
     shape = np.ceil((hi - lo) / voxel).astype(int)
     axes = [lo[i] + (np.arange(shape[i]) + 0.5) * voxel for i in range(3)]
     centres = np.stack(np.meshgrid(*axes, indexing="ij"), -1).reshape(-1, 3)

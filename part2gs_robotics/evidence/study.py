@@ -11,28 +11,24 @@ from scipy.sparse import csr_matrix
 from scipy.spatial import cKDTree
 
 from part2gs_robotics.config import SearchConfig
-from part2gs_robotics.errors import FitError
-from part2gs_robotics.evidence.depth_maps import DepthMaps, observe, render_depth_maps
+from part2gs_robotics.evidence.canonical import Canonical
+from part2gs_robotics.evidence.depth_maps import DepthMaps
 from part2gs_robotics.evidence.edges import bundled, edge_families
 from part2gs_robotics.evidence.faces import flat_faces
 from part2gs_robotics.evidence.graph import Graph, build_graph, ways_along
 from part2gs_robotics.evidence.guides import Guides, guides_of
 from part2gs_robotics.evidence.landing import Landing, build_landing
-from part2gs_robotics.evidence.light import Light, light_of, unshaded
+from part2gs_robotics.evidence.light import Light
 from part2gs_robotics.evidence.part_edges import Clues, part_edges
 from part2gs_robotics.evidence.segments import Segments, segments_of
-from part2gs_robotics.evidence.surfels import Surfels, fuse_surfels, sampling
-from part2gs_robotics.evidence.unseen import SIDE, VIEWS, without_unseen
+from part2gs_robotics.evidence.surfaces import Evidence
+from part2gs_robotics.evidence.surfels import Surfels
 from part2gs_robotics.model.arrays import F64
 from part2gs_robotics.model.gaussians import Gaussians
-from part2gs_robotics.model.scene import Scene, StateViews
 from part2gs_robotics.model.small_views import SmallViews, small_views
 from part2gs_robotics.runtime.side_by_side import side_by_side
 
-SELF_TOLERANCE = 0.012  # of the diagonal: a surfel its own state sees past is a floater
-FREE_TOLERANCE = 0.015  # of the diagonal: above the depth error of four pixels out of five
 MARGIN = 0.05  # of the diagonal: around the object, and from a surfel that a point may land on
-MIN_VIEWS = 3  # votes needed to call a place free or occupied
 FINE_TAU = 0.015  # of the diagonal: twice the noise of fused depth
 COARSE_TO_FINE = 1.3, 1.0, 0.7  # of the matching distance: a label's error is let in at first
 
@@ -66,10 +62,8 @@ class Study:
 
     @property
     def source_weight(self) -> tuple[float, float]:
-        """Share of each state in the evidence of motion: the richer one shows more of the parts."""
-        vacated, arrived = len(self.evidence.vacated), len(self.evidence.arrived)
-        share = vacated / max(vacated + arrived, 1)
-        return share, 1.0 - share
+        """Richness weight of each state as the source of images of the other."""
+        return self.evidence.weights
 
     @cached_property
     def straight(self) -> Guides:
@@ -115,113 +109,43 @@ class Study:
                 self.surfels[1].select(hard[n0:] == part))
 
 
-def gather(scene: Scene, gaussians: tuple[Gaussians, Gaussians],
-           config: SearchConfig | None = None) -> Study:
+def gather(both: Canonical, config: SearchConfig | None = None) -> Study:
     """Return the study of two fitted states.
 
     Args:
-        scene: images of both states.
-        gaussians: of both states.
-        config: size of surfels and small views; None = the standard preset.
+        both: states, comparable.
+        config: size of small views; None = the standard preset.
 
     Raises:
         FitError: a state's Gaussians show no surface.
     """
-    config = config or SearchConfig()
-    maps = (
-        render_depth_maps(gaussians[0], scene.states[0]),
-        render_depth_maps(gaussians[1], scene.states[1]),
-    )
-    rough, size = _rough_diagonal(gaussians), config.surfel_size
-    painted = side_by_side([partial(_own_surface, maps[s], scene.states[s].images, rough, size)
-                            for s in (0, 1)])
-    _require_surface(painted[0].points, painted[1].points)
-    shades = light_of((painted[0], painted[1]))
-    surfels = [unshaded(s, shades) for s in painted]
-    points = np.concatenate([s.points for s in surfels])
-    lo, hi = points.min(0), points.max(0)
-    diag = float(np.linalg.norm(hi - lo))
-    box = lo - MARGIN * diag, hi + MARGIN * diag
-    targets = side_by_side([partial(_as_target, surfels[s], maps[s], maps[1 - s], box, size, diag)
-                            for s in (0, 1)])
+    config, seen = config or SearchConfig(), both.surfaces
+    margin, voxel = MARGIN * seen.diag, both.surfel_size * seen.diag
+    box = seen.box[0] - margin, seen.box[1] + margin
+    lands = side_by_side([partial(build_landing, seen.surfels[s], seen.claimed[s], seen.maps[s],
+                                  box, voxel, margin) for s in (0, 1)])
     nearest = [
-        np.asarray(cKDTree(surfels[s].points).query(gaussians[s].means)[1], np.int64)
+        np.asarray(cKDTree(seen.surfels[s].points).query(both.gaussians[s].means)[1], np.int64)
         for s in (0, 1)
     ]
-    normals = [surfels[s].normals[nearest[s]] for s in (0, 1)]
-    views = [small_views(state, config.proof_views, config.proof_side) for state in scene.states]
-    pair = surfels[0], surfels[1]
-    shown = side_by_side([partial(_seen, *pair) for pair in
-                          zip(gaussians, scene.states, strict=True)])
+    views = [small_views(state, config.proof_views, config.proof_side)
+             for state in both.scene.states]
+    normals = [seen.surfels[s].normals[nearest[s]] for s in (0, 1)]
+    segments = side_by_side([partial(segments_of, state) for state in both.scene.states])
     return Study(
-        (shown[0], shown[1]),
-        maps,
-        pair,
-        (targets[0][0], targets[1][0]),
-        Evidence(targets[0][1], targets[1][1]),
-        build_graph(pair),
+        both.seen,
+        seen.maps,
+        seen.surfels,
+        (lands[0], lands[1]),
+        seen.evidence,
+        build_graph(seen.surfels),
         (nearest[0], nearest[1]),
         (views[0], views[1]),
-        (lo, hi),
-        diag,
-        Light(shades, (normals[0], normals[1])),
-        _straight(scene),
+        seen.box,
+        seen.diag,
+        Light(seen.shades, (normals[0], normals[1])),
+        (segments[0], segments[1]),
     )
-
-
-def _seen(gaussians: Gaussians, state: StateViews) -> Gaussians:
-    return without_unseen(gaussians, small_views(state, VIEWS, SIDE))
-
-
-def _rough_diagonal(gaussians: tuple[Gaussians, Gaussians]) -> float:
-    """Return the diagonal of the box of nearly all opaque Gaussians, scene units."""
-    opaque = [g.means[g.opacities > 0.5] for g in gaussians]
-    _require_surface(*opaque)
-    solid = np.concatenate(opaque).astype(np.float64)
-    ends = np.quantile(solid, 0.998, axis=0), np.quantile(solid, 0.002, axis=0)
-    return float(np.linalg.norm(ends[0] - ends[1]))
-
-
-def _straight(scene: Scene) -> tuple[Segments, Segments]:
-    one, two = side_by_side([partial(segments_of, state) for state in scene.states])
-    return one, two
-
-
-def _as_target(surfels: Surfels, maps: DepthMaps, other: DepthMaps, box: tuple[F64, F64],
-               size: float, diag: float) -> tuple[Landing, Surfels]:
-    """Return the landing grid of a state, and its surfels that the other state saw free."""
-    seen = observe(surfels.points, other, FREE_TOLERANCE * diag)
-    claimed = ((seen.surface >= MIN_VIEWS) & (seen.surface > 2 * seen.free)).astype(np.float64)
-    moved = surfels.select((seen.free >= MIN_VIEWS) & (seen.free > 2 * seen.surface))
-    land = build_landing(surfels, claimed, maps, *box, size * diag, MARGIN * diag)
-    return land, moved
-
-
-def _require_surface(*states: NDArray[np.floating]) -> None:
-    for s, points in enumerate(states):
-        if not len(points):
-            raise FitError(f"state {s}: the fitted Gaussians show no surface. Expected one that "
-                           f"{MIN_VIEWS} views see; check the poses and the scale of the scene.")
-
-
-def _own_surface(maps: DepthMaps, images: NDArray[np.uint8], diag: float, size: float) -> Surfels:
-    voxel, stride = sampling(maps, size * diag)
-    surfels = fuse_surfels(maps, images, voxel, min_views=MIN_VIEWS, stride=stride)
-    seen = observe(surfels.points, maps, SELF_TOLERANCE * diag)
-    return surfels.select((seen.surface >= MIN_VIEWS) & (seen.free < 0.5 * seen.surface))
-
-
-@dataclass(frozen=True)
-class Evidence:
-    """Surfels that the other state saw free: vacated (state 0) and arrived (state 1)."""
-
-    vacated: Surfels
-    arrived: Surfels
-
-    @property
-    def sets(self) -> tuple[Surfels, Surfels]:
-        """Both sets, by state."""
-        return self.vacated, self.arrived
 
 
 def distances(tau: float) -> tuple[float, ...]:

@@ -45,12 +45,12 @@ def shares_shown(gaussians: Gaussians, views: SmallViews) -> NDArray[np.float64]
     """
     best, work = np.zeros(len(gaussians)), Workspace()
     white = np.ones((len(gaussians), 3), np.float32)
-    arrays = gaussians.means, gaussians.quats, gaussians.scales, gaussians.opacities, white
+    splats = replace(gaussians.splats, colors=white)
     broad = np.sort(gaussians.scales.astype(np.float64), axis=1)[:, 1:]
-    for view, K, alpha in zip(views.viewmats, views.Ks, views.alphas, strict=True):
-        height, width = alpha.shape
-        out = render(*arrays, view, K, width, height, workspace=work)
-        one = np.zeros((height, width, 3), np.float32)
+    for v in range(len(views)):
+        view, K = views.viewmats[v], views.Ks[v]
+        out = render(splats, views.camera(v), workspace=work)
+        one = np.zeros((*views.alphas[v].shape, 3), np.float32)
         one[..., 0] = 1.0
         added = np.asarray(render_backward(out, one).colors)[:, 0]
         depth = np.maximum(gaussians.means @ view[2, :3] + view[2, 3], 1e-6)

@@ -7,10 +7,10 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from part2gs_robotics.fit.adam import Adam
 from part2gs_robotics.fit.hull import Hull
 from part2gs_robotics.model.arrays import F32
 from part2gs_robotics.model.se3 import rotation_from_quats
+from part2gs_robotics.runtime.adam import Adam
 
 Params = dict[str, F32]
 

@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from part2gs_robotics.config import FitConfig, StereoConfig
-from part2gs_robotics.fit.adam import Adam
 from part2gs_robotics.fit.density import Density
 from part2gs_robotics.fit.depth_smooth import smooth_term
 from part2gs_robotics.fit.hull import Hull, carve
@@ -28,8 +27,9 @@ from part2gs_robotics.fit.tones import Tones, tones_of
 from part2gs_robotics.fit.training_photos import Views
 from part2gs_robotics.fit.view_color import held_out_psnr, with_view_dependence
 from part2gs_robotics.model.gaussians import Gaussians
-from part2gs_robotics.model.scene import StateViews
+from part2gs_robotics.model.scene import Camera, StateViews
 from part2gs_robotics.render.dispatch import Rendered, render_backward
+from part2gs_robotics.runtime.adam import Adam
 from part2gs_robotics.runtime.buffers import Workspace
 from part2gs_robotics.runtime.finite import require_finite
 
@@ -144,8 +144,9 @@ class FitRun:
         view, level = self.queue.pop(), int(step <= self.config.half_steps)
         background = self.rng.random(3, dtype=np.float32)
         target, alpha, intrinsics = self.views.target(view, level, background, self.work)
-        rendered = draw(self.params, self.state.viewmats[view], intrinsics, alpha.shape[1],
-                        alpha.shape[0], background, self.work)
+        height, width = alpha.shape
+        camera = Camera(self.state.viewmats[view], intrinsics, width, height)
+        rendered = draw(self.params, camera, background, self.work)
         losses, d_color, d_alpha = image_terms(rendered, target, alpha,
                                                self.config.alpha_weight, self.work)
         name, loss, d_depth, more = self._depth_loss(rendered, view, level, alpha)
@@ -165,7 +166,7 @@ class FitRun:
         grads["means"] *= np.float32(self.diagonal)  # Adam's epsilon is the same in every unit
         self.adam.rates["means"] = RATES["means"] * self.diagonal * MEANS_END**done
         self.adam.step(self.params, grads if self.even else {"sh0": grads["sh0"]})
-        self.density.add(gradients.means2d_abs * (alpha.shape[1] / self.state.width),
+        self.density.add(gradients.means2d_abs * (width / self.state.width),
                          gradients.visible)
         if step % CHANGE_EVERY == 0 and done <= CHANGE_UNTIL:
             grown = self.start + (self.config.max_gaussians - self.start) * done / CHANGE_UNTIL

@@ -62,12 +62,6 @@ def photometric(image: NDArray[np.floating], target: NDArray[np.floating],
     return weights[0] * float(sums[1].sum()) + weights[1] * similar, grad
 
 
-def ssim(image: NDArray[np.floating], target: NDArray[np.floating]) -> float:
-    """Return the mean structural similarity of two [H, W, C] images in [0, 1]."""
-    loss, _ = photometric(image, target, 1.0)
-    return 1.0 - loss
-
-
 def psnr(image: NDArray[np.floating], target: NDArray[np.floating]) -> float:
     """Return the peak signal-to-noise ratio in dB of two images in [0, 1]."""
     error = float(np.mean((np.asarray(image, np.float64) - target) ** 2))

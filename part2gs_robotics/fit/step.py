@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from part2gs_robotics.fit.image_loss import photometric
 from part2gs_robotics.model.arrays import F32
-from part2gs_robotics.model.gaussians import SH_C0, Gaussians, opacities_of
+from part2gs_robotics.model.gaussians import SH_C0, Gaussians, Splats, opacities_of
+from part2gs_robotics.model.scene import Camera
 from part2gs_robotics.model.se3 import unit_quats
 from part2gs_robotics.render.dispatch import Gradients, Rendered, render, render_backward
 from part2gs_robotics.runtime.buffers import Workspace
@@ -31,14 +31,14 @@ def gaussians_of(params: Params) -> Gaussians:
                      params["sh0"].copy(), np.zeros((len(quats), 0, 3), np.float32))
 
 
-def draw(params: Params, viewmat: NDArray[np.float64], intrinsics: NDArray[np.float64],
-         width: int, height: int, background: F32, workspace: Workspace | None = None) -> Rendered:
+def draw(params: Params, camera: Camera, background: F32,
+         workspace: Workspace | None = None) -> Rendered:
     """Render optimised arrays from one camera."""
     opacities = opacities_of(params["logit_opacities"])
     colors = np.maximum(np.float32(0.5) + np.float32(SH_C0) * params["sh0"], 0)
-    return render(params["means"], params["quats"], np.exp(params["log_scales"]), opacities,
-                  colors, viewmat, intrinsics, width, height, background=background,
-                  workspace=workspace)
+    splats = Splats(params["means"], params["quats"], np.exp(params["log_scales"]), opacities,
+                    colors)
+    return render(splats, camera, background=background, workspace=workspace)
 
 
 def chain(params: Params, gradients: Gradients) -> Params:

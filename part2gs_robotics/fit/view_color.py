@@ -10,7 +10,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from part2gs_robotics.fit.adam import Adam
 from part2gs_robotics.fit.image_loss import psnr
 from part2gs_robotics.fit.step import image_terms
 from part2gs_robotics.fit.training_photos import Views
@@ -19,6 +18,7 @@ from part2gs_robotics.model.gaussians import Gaussians
 from part2gs_robotics.model.scene import StateViews
 from part2gs_robotics.render.dispatch import Rendered, render, render_backward
 from part2gs_robotics.render.sh import seen_from, sh_colors_backward
+from part2gs_robotics.runtime.adam import Adam
 
 logger = logging.getLogger(__name__)
 GAIN = 0.5  # dB over held-out views: less is what more steps of any kind give
@@ -30,8 +30,7 @@ WHITE = np.ones(3, np.float32)  # held-out views are measured over white, as in 
 def drawn_over(gaussians: Gaussians, state: StateViews, view: int, background: F32) -> Rendered:
     """Return a view of a state rendered at full size with the colours seen from its camera."""
     colors = seen_from(gaussians, state.viewmats[view])
-    return render(gaussians.means, gaussians.quats, gaussians.scales, gaussians.opacities, colors,
-                  state.viewmats[view], state.Ks[view], state.width, state.height,
+    return render(replace(gaussians.splats, colors=colors), state.camera(view),
                   background=background)
 
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from part2gs_robotics.evidence.edges import CLEAR, PEAK, RING, STAYED, Bundle, looked_at
 from part2gs_robotics.evidence.guides import NEAR, Direction, Guides, direction_of
 from part2gs_robotics.evidence.part_edges import PartEdges
-from part2gs_robotics.joints.align_system import damping_of, perturbed
+from part2gs_robotics.joints.solver import damping_of, perturbed
 from part2gs_robotics.model.arrays import F64
 from part2gs_robotics.model.joint import Joint
 

@@ -2,73 +2,71 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from scipy.spatial import cKDTree
 
 from part2gs_robotics.config import ArticulateConfig
-from part2gs_robotics.decide.judge import MIN_SURFELS, Judge, Verdict
+from part2gs_robotics.decide.candidate import Candidate
+from part2gs_robotics.decide.claim import claim
+from part2gs_robotics.decide.judge import MIN_SURFELS, Judge
 from part2gs_robotics.decide.labelling import unary_costs
 from part2gs_robotics.evidence.study import Study
-from part2gs_robotics.joints.claim import claim
 from part2gs_robotics.model.arrays import F32, F64, Labels
-from part2gs_robotics.model.joint import Joint, move_of
 from part2gs_robotics.paper.identity import PAPER, refine_identities
 
 COST_TO_NATS = 8.0  # a contradiction (1.0) is 3,000 times less likely than a match (0)
 
 
-def start_labels(judge: Judge, verdict: Verdict, config: ArticulateConfig) -> Labels:
+def start_labels(judge: Judge, found: Candidate, config: ArticulateConfig) -> Labels:
     """Return [N0 + N1] surfel labels that joints are chosen by.
 
     Those of the decision; without part identities, the motion that lands a surfel best, except
     for a motion that lands next to none best: it keeps the decision's surfels.
     """
     if config.identity:
-        return verdict.hard
-    hard = landing_costs(judge, [h.move for h in verdict.motions]).argmin(1)
-    counts = np.bincount(hard, minlength=len(verdict.motions) + 1)
+        return found.labels
+    hard = landing_costs(judge, [h.move for h in found.motions]).argmin(1)
+    counts = np.bincount(hard, minlength=len(found) + 1)
     few = np.flatnonzero(counts < MIN_SURFELS)
-    return np.where(np.isin(verdict.hard, few), verdict.hard, hard)
+    return np.where(np.isin(found.labels, few), found.labels, hard)
 
 
-def labels_under(
-    judge: Judge, joints: list[Joint], hard: Labels, config: ArticulateConfig, stays: float = 0.0
-) -> tuple[Labels, F64]:
+def labels_under(judge: Judge, found: Candidate, config: ArticulateConfig, stays: float = 0.0,
+                 ) -> tuple[Labels, F64]:
     """Return surfel labels [N0 + N1] and costs [N0 + N1, K+1] under the joints.
 
     Args:
         judge: of the study.
-        joints: of parts 1..K.
-        hard: [N0 + N1] labels to start from.
+        found: joints of parts 1..K, and labels to start from.
         config: identity = what nothing shows goes to the nearest proven part, else every surfel
             to the motion that lands it best; in paper mode eq. 4 as printed follows.
         stays: diagonals by which a part must be nearer than the base to what nothing shows.
     """
     if config.identity and not config.paper_mode:
-        return claim(judge, joints, hard, stays)
-    costs = landing_costs(judge, [move_of(j) for j in joints])
+        return claim(judge, found, stays)
+    costs = landing_costs(judge, [j.state1_from_0 for j in found.motions])
     if not config.identity:
         return costs.argmin(1), costs
     study = judge.study
-    probs = part_probs(study, joints, costs, costs.argmin(1), config)
+    probs = part_probs(study, replace(found, labels=costs.argmin(1)), costs, config)
     near = [np.asarray(cKDTree(study.gaussians[s].means).query(study.surfels[s].points)[1])
             for s in (0, 1)]
     return np.concatenate([probs[s].argmax(1)[near[s]] for s in (0, 1)]), costs
 
 
-def identity_labels(
-    judge: Judge, joints: list[Joint], hard: Labels, config: ArticulateConfig
-) -> tuple[Labels, Labels]:
+def identity_labels(judge: Judge, found: Candidate, config: ArticulateConfig,
+                    ) -> tuple[Labels, Labels]:
     """Return per state [N_s] the most likely part of every Gaussian under the joints.
 
     Args:
         judge: of the study.
-        joints: of parts 1..K on the base.
-        hard: [N0 + N1] surfel labels to start from.
+        found: joints of parts 1..K on the base, and surfel labels to start from.
         config: as of `labels_under`.
     """
-    hard, costs = labels_under(judge, joints, hard, config)
-    zero, one = part_probs(judge.study, joints, costs, hard, config)
+    hard, costs = labels_under(judge, found, config)
+    zero, one = part_probs(judge.study, replace(found, labels=hard), costs, config)
     return np.asarray(zero.argmax(1), np.int64), np.asarray(one.argmax(1), np.int64)
 
 
@@ -79,28 +77,25 @@ def landing_costs(judge: Judge, moves: list[F64]) -> F64:
     return unary.cost(np.ones_like(unary.match))
 
 
-def part_probs(
-    study: Study, joints: list[Joint], costs: F64, hard: Labels, config: ArticulateConfig,
-    parents: tuple[int, ...] | None = None,
-) -> tuple[F32, F32]:
+def part_probs(study: Study, found: Candidate, costs: F64, config: ArticulateConfig,
+               ) -> tuple[F32, F32]:
     """Return [N_s, K+1] part identities of the Gaussians of both states.
 
     Args:
         study: both states.
-        joints: of parts 1..K.
+        found: joints of parts 1..K; its surfel labels are taken as they are without identities.
         costs: [N0 + N1, K+1] of the surfels.
-        hard: [N0 + N1] labels of the surfels, taken as they are without part identities.
         config: identity and paper mode.
-        parents: of parts 1..K; None = all on the base.
     """
     n0 = len(study.surfels[0])
     if not config.identity:
-        eye = np.eye(len(joints) + 1, dtype=np.float32)
-        labels = study.gaussian_labels(hard)
+        eye = np.eye(len(found) + 1, dtype=np.float32)
+        labels = study.gaussian_labels(found.labels)
         return eye[labels[0]], eye[labels[1]]
     unary = [
         COST_TO_NATS * costs[:n0][study.nearest[0]],
         COST_TO_NATS * costs[n0:][study.nearest[1]],
     ]
     settings = PAPER if config.paper_mode else None
-    return refine_identities(unary[0], unary[1], study.gaussians, joints, settings, parents)
+    return refine_identities(unary[0], unary[1], study.gaussians, found.motions, settings,
+                             found.parents)

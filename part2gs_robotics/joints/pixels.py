@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from numba import prange
 from numpy.typing import NDArray
@@ -13,6 +15,34 @@ Floats = NDArray[np.floating]
 
 CHANNELS = 4  # r, g, b and alpha
 CHUNKS = 16  # of pixels, summed one by one and then in order: the same for any number of threads
+
+
+@dataclass(frozen=True)
+class Pixels:
+    """Pixels of one view that speak for a part, and the picture they lie in.
+
+    Attributes:
+        rows, cols: [n] of the pixels.
+        depth: [h, w] of the part.  drawn: [h, w, 4].  own: [h, w] the part's share of a pixel.
+        K: [3, 3] of the picture.  view: [4, 4] camera_from_world.
+    """
+
+    rows: NDArray[np.intp]
+    cols: NDArray[np.intp]
+    depth: Floats
+    drawn: Floats
+    own: Floats
+    K: F64
+    view: F64
+
+    def __len__(self) -> int:
+        """Return the number of pixels."""
+        return len(self.rows)
+
+    def slopes(self, rates: F64, jac: F64, total: F64) -> None:
+        """Fill jac and add to total, see the kernel `slopes`."""
+        slopes(self.rows, self.cols, self.depth, self.drawn, self.own, rates, self.K, self.view,
+               jac, total)
 
 
 @parallel_kernel

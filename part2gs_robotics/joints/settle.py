@@ -8,30 +8,31 @@ alternate.
 from __future__ import annotations
 
 import logging
-from dataclasses import replace
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from part2gs_robotics.config import ArticulateConfig
-from part2gs_robotics.decide.cross_render import both_cost
-from part2gs_robotics.decide.judge import Judge, Verdict
+from part2gs_robotics.decide.candidate import Candidate
+from part2gs_robotics.decide.claim import claim
+from part2gs_robotics.decide.judge import Judge
 from part2gs_robotics.decide.screws import plain
 from part2gs_robotics.decide.tune_slides import tune
+from part2gs_robotics.evidence.cross_render import both_cost
 from part2gs_robotics.joints.align import (
     COARSE,
     FINE,
     LEAST_GAIN,
-    Level,
+    AlignmentProblem,
     align,
     judged,
     with_missing_deviations,
 )
-from part2gs_robotics.joints.claim import claim
 from part2gs_robotics.joints.labels import identity_labels, labels_under
-from part2gs_robotics.model.arrays import Labels
-from part2gs_robotics.model.joint import Joint, move_of
+from part2gs_robotics.joints.view import Level
+from part2gs_robotics.model.joint import Joint
 from part2gs_robotics.model.small_views import SmallViews
-from part2gs_robotics.search.hypothesis import Hypothesis, hypothesis_of
 
 logger = logging.getLogger(__name__)
 Views = tuple[SmallViews, SmallViews]
@@ -43,88 +44,102 @@ THIN = 2  # every other view until the last alignment
 VETO = 0.002  # of the image cost: surfels were heard too, and three drawers differed by 0.0013
 
 
-def settle(
-    judge: Judge, joints: list[Joint], hard: Labels, views: Views, sharp: Views,
-    config: ArticulateConfig,
-) -> tuple[list[Joint], Labels]:
-    """Return the joints and surfel labels [N0 + N1] that the images prefer.
+@dataclass(frozen=True)
+class Photos:
+    """Photos of both states: small ones to settle with, sharp ones for the last alignment."""
+
+    small: Views
+    sharp: Views
+
+
+def settle(judge: Judge, found: Candidate, photos: Photos, config: ArticulateConfig) -> Candidate:
+    """Return joints and surfel labels that the images prefer.
 
     Args:
         judge: of the study.
-        joints: of parts 1..K, start.
-        hard: surfel labels, start.
-        views: images of both states to settle with.
-        sharp: the same at full size, for the last alignment.
+        found: joints of parts on the base, and labels, to start from.
+        photos: of both states.
         config: whether Gaussians have part identities.
     """
-    if len(joints) == 1:
-        return _alone(judge, joints, hard, views, sharp, config)
-    thin = views[0].every(THIN), views[1].every(THIN)
-    new, verdict = _alternate(judge, joints, hard, thin, (*COARSE, *FINE[:1]))
-    verdict = tune(judge, verdict, lambda text: logger.info("settle: %s", text))
-    new = [_follow(j, h) for j, h in zip(new, verdict.motions, strict=True)]
-    new, verdict = _alternate(judge, new, verdict.hard, thin, FINE[:1])
-    costs = [_cost(judge, j, h, views) for j, h in ((joints, hard), (new, verdict.hard))]
-    logger.info("settle: image cost %.4f after, %.4f before", costs[1], costs[0])
-    if costs[1] < (1.0 + VETO) * costs[0]:
-        return _aligned(judge, new, verdict.hard, sharp, config), verdict.hard
-    return _alone(judge, joints, hard, views, sharp, config)
+    if len(found) == 1:
+        return _alone(judge, found, photos, config)
+    thin = photos.small[0].every(THIN), photos.small[1].every(THIN)
+    new = _alternate(judge, found, thin, (*COARSE, *FINE[:1]))
+    new = _alternate(judge, tune(judge, new), thin, FINE[:1])
+    after, before = (_cost(judge, one, photos.small) for one in (new, found))
+    logger.info("settle: image cost %.4f after, %.4f before", after, before)
+    if after < (1.0 + VETO) * before:
+        return new.with_motions(_aligned(judge, new, photos.sharp, config))
+    return _alone(judge, found, photos, config)
 
 
-def _alone(judge: Judge, joints: list[Joint], hard: Labels, views: Views, sharp: Views,
-           config: ArticulateConfig) -> tuple[list[Joint], Labels]:
+def aligned(judge: Judge, found: Candidate, views: Views) -> Candidate:
+    """Return the candidate aligned to the images, carried parts as their carriers take them."""
+    for levels in (FINE[:1], FINE):
+        found = replace(found, labels=claim(judge, found)[0])
+        problem = problem_of(judge, found, views)
+        joints = align(problem, found.motions, levels, levels is FINE,
+                       judge.study.clues(problem.labels, len(found)))
+        found = found.with_motions(joints)
+    return found
+
+
+def problem_of(judge: Judge, found: Candidate, views: Views) -> AlignmentProblem:
+    """Return the alignment of a candidate's joints to photos, Gaussians labelled as its surfels."""
+    study = judge.study
+    return AlignmentProblem(study.gaussians, study.gaussian_labels(found.labels), views, study.diag)
+
+
+def _alone(judge: Judge, found: Candidate, photos: Photos, config: ArticulateConfig) -> Candidate:
     """Return the joints aligned, with the labels under them as they are once nearly right.
 
     The decision's motion is off by degrees, and what lies beside the hinge is mislabelled by it.
     """
-    study = judge.study
-    labels = study.gaussian_labels(hard)
-    near = align(study.gaussians, labels, joints, views, study.diag, COARSE, deviations=False)
-    near = judged(study.gaussians, labels, joints, near, views, LEAST_GAIN)
-    hard, _ = labels_under(judge, near, hard, config)
-    return _aligned(judge, near, hard, sharp, config), hard
+    problem = problem_of(judge, found, photos.small)
+    near = align(problem, found.motions, COARSE, deviations=False)
+    found = found.with_motions(judged(problem, found.motions, near, LEAST_GAIN))
+    found = replace(found, labels=labels_under(judge, found, config)[0])
+    return found.with_motions(_aligned(judge, found, photos.sharp, config))
 
 
-def _aligned(judge: Judge, joints: list[Joint], hard: Labels, sharp: Views,
-             config: ArticulateConfig) -> list[Joint]:
+def _aligned(judge: Judge, found: Candidate, sharp: Views, config: ArticulateConfig) -> list[Joint]:
     """Return joints that are nearly right after their last alignment."""
     study = judge.study
-    labels = identity_labels(judge, joints, hard, config)
-    end = _final(judge, joints, labels, sharp)
+    problem = AlignmentProblem(study.gaussians, identity_labels(judge, found, config), sharp,
+                               study.diag)
+    end = _final(judge, found.motions, problem)
     if not all(_held(j) for j in end):
-        end, labels = _again(judge, end, labels, hard, sharp, config)
-    kept = judged(study.gaussians, labels, joints, end, sharp, LEAST_GAIN)
-    return with_missing_deviations(study.gaussians, labels, kept, sharp, study.diag)
+        end, problem = _again(judge, found.with_motions(end), problem, config)
+    kept = judged(problem, found.motions, end, LEAST_GAIN)
+    return with_missing_deviations(problem, kept)
 
 
-def _again(judge: Judge, end: list[Joint], labels: tuple[Labels, Labels], hard: Labels,
-           sharp: Views, config: ArticulateConfig) -> tuple[list[Joint], tuple[Labels, Labels]]:
-    """Return joints and labels aligned once more if the images hold more joints then.
+def _again(judge: Judge, end: Candidate, problem: AlignmentProblem, config: ArticulateConfig,
+           ) -> tuple[list[Joint], AlignmentProblem]:
+    """Return joints aligned once more, and to what, if the images hold more joints then.
 
     Labels made under a wrong joint hold it where it is; where they hardly change under what became
     of it, nothing else would come out.
     """
-    new, _ = labels_under(judge, end, hard, config)
-    if (new != hard).sum() < RELABELLED * (hard > 0).sum():
-        return end, labels
-    others = identity_labels(judge, end, new, config)
-    again = _final(judge, end, others, sharp)
-    more = sum(_held(j) for j in again) > sum(_held(j) for j in end)
+    new, _ = labels_under(judge, end, config)
+    if (new != end.labels).sum() < RELABELLED * (end.labels > 0).sum():
+        return list(end.motions), problem
+    other = replace(problem, labels=identity_labels(judge, replace(end, labels=new), config))
+    again = _final(judge, end.motions, other)
+    more = sum(_held(j) for j in again) > sum(_held(j) for j in end.motions)
     logger.info("settle: images do not hold every joint; labelled and aligned again: %s",
                 "they hold more" if more else "no gain")
-    return (again, others) if more else (end, labels)
+    return (again, other) if more else (list(end.motions), problem)
 
 
-def _final(judge: Judge, joints: list[Joint], labels: tuple[Labels, Labels],
-           sharp: Views) -> list[Joint]:
+def _final(judge: Judge, joints: Sequence[Joint], problem: AlignmentProblem) -> list[Joint]:
     """Return the joints aligned at full size, screws as turns where no image shows a rise."""
-    study = judge.study
-    clues = study.clues(labels, len(joints))
-    end = align(study.gaussians, labels, joints, sharp, study.diag, FINE, clues=clues)
-    turns = plain(end, study.diag)
+    clues = judge.study.clues(problem.labels, len(joints))
+    end = align(problem, joints, FINE, clues=clues)
+    turns = plain(end, problem.diag)
     if any(new is not old for new, old in zip(turns, end, strict=True)):
         logger.info("settle: a screw's rise is not proven by the images: a turn")
-        end = align(study.gaussians, labels, turns, sharp, study.diag, FINE, clues=clues)
+        end = align(problem, turns, FINE, clues=clues)
     return end
 
 
@@ -133,29 +148,18 @@ def _held(joint: Joint) -> bool:
     return not np.isinf([joint.sigma_axis, joint.sigma_origin, joint.seen[1]]).any()
 
 
-def _alternate(
-    judge: Judge, joints: list[Joint], hard: Labels, views: Views, levels: tuple[Level, ...]
-) -> tuple[list[Joint], Verdict]:
-    study = judge.study
+def _alternate(judge: Judge, found: Candidate, views: Views, levels: tuple[Level, ...],
+               ) -> Candidate:
+    """Return the candidate aligned and labelled in turn."""
     for turn in range(ROUNDS):
-        labels = study.gaussian_labels(hard)
-        joints = align(study.gaussians, labels, joints, views, study.diag,
-                       FINE[:1] if turn else levels, deviations=False)
-        verdict = judge.judge([hypothesis_of(j) for j in joints])
-        hard, _ = claim(judge, joints, verdict.hard)
-        verdict = replace(verdict, hard=hard)
-    return joints, verdict
+        problem = problem_of(judge, found, views)
+        joints = align(problem, found.motions, FINE[:1] if turn else levels, deviations=False)
+        found = judge.judge(found.with_motions(joints))
+        found = replace(found, labels=claim(judge, found)[0])
+    return found
 
 
-def _cost(judge: Judge, joints: list[Joint], hard: Labels, views: Views) -> float:
-    moves = [np.eye(4), *(move_of(j) for j in joints)]
-    study = judge.study
-    labels = study.gaussian_labels(hard)
-    return both_cost(study.gaussians, labels, moves, views, (0.5, 0.5), study.light)
-
-
-def _follow(joint: Joint, motion: Hypothesis) -> Joint:
-    """Return the joint with the motion's axis, origin and value."""
-    origin = motion.origin if motion.kind else joint.origin
-    return replace(joint, axis=motion.axis, origin=origin, value=motion.value,
-                   pitch=motion.pitch)
+def _cost(judge: Judge, found: Candidate, views: Views) -> float:
+    problem = problem_of(judge, found, views)
+    moves = [np.eye(4), *(j.state1_from_0 for j in found.motions)]
+    return both_cost(problem.gaussians, problem.labels, moves, views, (0.5, 0.5), judge.study.light)

@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from part2gs_robotics.joints.pixels import CHANNELS, CHUNKS, patch_sums, slopes
+from part2gs_robotics.joints.pixels import CHANNELS, CHUNKS, Pixels, patch_sums
 from part2gs_robotics.model.arrays import F32, F64
 from part2gs_robotics.model.joint import Joint
 
@@ -36,19 +36,24 @@ class Patches:
         self._keys: list[NDArray[np.int64]] = []
         self._sums: list[tuple[F64, ...]] = []
 
-    def add(self, rows: NDArray[np.intp], cols: NDArray[np.intp], z: F32,
-            drawn: F32, own: F32, rates: F64, camera: tuple[F64, F64], residual: F64,
-            robust: float) -> None:
-        """Add the pixels of one view."""
-        K, view = camera
+    def add(self, pixels: Pixels, rates: F64, residual: F64, robust: float) -> None:
+        """Add the pixels of one view.
+
+        Args:
+            pixels: n of them.
+            rates: [P, 4, 4] velocity of a point per unit of each parameter.
+            residual: [n, 4] photo less picture.
+            robust: colour difference at which a pixel counts a quarter.
+        """
+        rows, cols, K, view = pixels.rows, pixels.cols, pixels.K, pixels.view
         shifts = np.zeros((3, 4, 4))
         shifts[range(3), range(3), 3] = self.span
         jac = np.zeros((len(rows), CHANNELS, len(rates) + 3))
         moves = np.concatenate([rates, shifts])
         total = np.zeros((CHUNKS, 3, len(moves)))
-        slopes(rows, cols, z, drawn, own, moves, K, view, jac, total)
+        pixels.slopes(moves, jac, total)
         jac[:, :3] -= total.sum(0) / len(rows)
-        depth = z[rows, cols].astype(np.float64)
+        depth = pixels.depth[rows, cols].astype(np.float64)
         local = np.stack([(cols + 0.5 - K[0, 2]) / K[0, 0] * depth,
                           (rows + 0.5 - K[1, 2]) / K[1, 1] * depth, depth], 1)
         world = (local - view[:3, 3]) @ view[:3, :3]

@@ -8,10 +8,10 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from part2gs_robotics.joints.align_system import System
-from part2gs_robotics.joints.pixels import CHANNELS, CHUNKS, slopes, sums
+from part2gs_robotics.joints.pixels import CHANNELS, CHUNKS, Pixels, sums
+from part2gs_robotics.joints.solver import System
 from part2gs_robotics.model.arrays import F32, F64
-from part2gs_robotics.model.small_views import SmallViews
+from part2gs_robotics.model.small_views import Photo
 from part2gs_robotics.render.rendered import Rendered
 
 ALPHA_GAIN = 0.6  # silhouettes beside colours: no shading error, but mask edges of half a pixel
@@ -29,7 +29,8 @@ class _Window:
 
     Attributes:
         color: [h, w, 3].  alpha, depth, share: [h, w].  photo: [h, w, 3] and mask [h, w].
-        K: [3, 3] of the window.  edges: rows and columns that begin and end where the image does.
+        K: [3, 3] of the window.  view: [4, 4] camera_from_world.
+        edges: rows and columns that begin and end where the image does.
     """
 
     color: F32
@@ -39,33 +40,45 @@ class _Window:
     photo: F32
     mask: F32
     K: F64
+    view: F64
     edges: tuple[bool, bool, bool, bool]
 
 
-def add_view(
-    systems: list[System], rates: list[F64], out: Rendered, small: SmallViews, v: int, diag: float,
-    blur: float, robust: float,
-) -> None:
+@dataclass(frozen=True)
+class Level:
+    """One width of an alignment.
+
+    Attributes:
+        blur: of both images, pixels: wide catches large errors, narrow decides.
+        robust: colour difference at which a pixel counts a quarter.
+        steps: at most.
+    """
+
+    blur: float
+    robust: float
+    steps: int
+
+
+def add_view(systems: list[System], rates: list[F64], out: Rendered, photo: Photo, diag: float,
+             level: Level) -> None:
     """Add one view to the systems of all parts.
 
     Args:
         systems: of parts 1..K, added to.
         rates: of every part, [P, 4, 4] velocity of a point per unit of each parameter.
         out: the moved Gaussians drawn in this view; extra channels are shares of parts 0..K.
-        small: photos of the state.
-        v: the view.
+        photo: of the state they are moved into.
         diag: diagonal of the object in scene units.
-        blur: of both images, pixels.
-        robust: colour difference at which a pixel counts a quarter.
+        level: blur and robustness.
     """
-    reach = RIM + int(np.ceil(BLURRED * blur)) + 1  # one more for the slope
+    reach = RIM + int(np.ceil(BLURRED * level.blur)) + 1  # one more for the slope
     for k, system in enumerate(systems):
-        window = _window(out, small, v, k + 1, reach)
+        window = _window(out, photo, k + 1, reach)
         if window is not None:
-            _add_part(system, rates[k], window, small.viewmats[v], diag, blur, robust)
+            _add_part(system, rates[k], window, diag, level)
 
 
-def _window(out: Rendered, small: SmallViews, v: int, part: int, reach: int) -> _Window | None:
+def _window(out: Rendered, photo: Photo, part: int, reach: int) -> _Window | None:
     """Return what a part shows of a view and `reach` pixels around it; None if that is nothing."""
     shown = out.extra[..., part] > 0
     rows, cols = np.flatnonzero(shown.any(1)), np.flatnonzero(shown.any(0))
@@ -75,18 +88,17 @@ def _window(out: Rendered, small: SmallViews, v: int, part: int, reach: int) -> 
     top, left = max(rows[0] - reach, 0), max(cols[0] - reach, 0)
     bottom, right = min(rows[-1] + 1 + reach, height), min(cols[-1] + 1 + reach, width)
     cut = slice(top, bottom), slice(left, right)
-    K = small.Ks[v].copy()
+    K = photo.camera.K.copy()
     K[:2, 2] -= left, top
     edges = top == 0, bottom == height, left == 0, right == width
     return _Window(out.color[cut], out.alpha[cut], out.depth[cut],
-                   np.ascontiguousarray(out.extra[(*cut, part)]), small.colors[v][cut],
-                   small.alphas[v][cut], K, edges)
+                   np.ascontiguousarray(out.extra[(*cut, part)]), photo.color[cut],
+                   photo.alpha[cut], K, photo.camera.viewmat, edges)
 
 
-def _add_part(system: System, rates: F64, w: _Window, view: F64, diag: float, blur: float,
-              robust: float) -> None:
+def _add_part(system: System, rates: F64, w: _Window, diag: float, level: Level) -> None:
     def soft(image: F32) -> F32:
-        return cv2.GaussianBlur(image, (0, 0), blur)
+        return cv2.GaussianBlur(image, (0, 0), level.blur)
 
     drawn = soft(cv2.merge([w.color, ALPHA_GAIN * w.alpha]))
     photo = soft(cv2.merge([w.photo, ALPHA_GAIN * w.mask]))
@@ -100,7 +112,9 @@ def _add_part(system: System, rates: F64, w: _Window, view: F64, diag: float, bl
     part_z = _spread_depth(z, w.share)
     pixels &= part_z > 0
     if pixels.sum() > 20:
-        _add_pixels(system, rates, np.nonzero(pixels), part_z, drawn, photo, own, w.K, view, robust)
+        rows, cols = np.nonzero(pixels)
+        _add_pixels(system, rates, Pixels(rows, cols, part_z, drawn, own, w.K, w.view),
+                    photo[rows, cols], level.robust)
 
 
 def _spread_depth(z: F32, own: F32) -> F32:
@@ -117,28 +131,17 @@ def _hidden_edge(z: F32, own: F32, diag: float) -> NDArray[np.bool_]:
     return np.asarray((own >= 0.2) & (nearest_other < z - OCCLUSION * diag))
 
 
-def _add_pixels(
-    system: System,
-    rates: F64,
-    index: tuple[NDArray[np.intp], ...],
-    z: F32,
-    drawn: F32,
-    photo: F32,
-    own: F32,
-    K: F64,
-    view: F64,
-    robust: float,
-) -> None:
-    rows, cols = index
-    jac, total = np.zeros((len(rows), CHANNELS, len(rates))), np.zeros((CHUNKS, 3, len(rates)))
-    slopes(rows, cols, z, drawn, own, rates, K, view, jac, total)
-    residual = photo[index].astype(np.float64) - drawn[index]
+def _add_pixels(system: System, rates: F64, pixels: Pixels, seen: F32, robust: float) -> None:
+    """Add pixels; seen: [n, 4] what the photo shows there."""
+    jac, total = np.zeros((len(pixels), CHANNELS, len(rates))), np.zeros((CHUNKS, 3, len(rates)))
+    pixels.slopes(rates, jac, total)
+    residual = seen.astype(np.float64) - pixels.drawn[pixels.rows, pixels.cols]
     # Light is fixed in the world: a turned face changes brightness as a whole, which is no motion.
     residual[:, :3] -= np.median(residual[:, :3], 0)
     if system.patches is not None:
-        system.patches.add(rows, cols, z, drawn, own, rates, (K, view), residual, robust)
+        system.patches.add(pixels, rates, residual, robust)
     mean = np.zeros((CHANNELS, len(rates)))
-    mean[:3] = total.sum(0) / len(rows)
+    mean[:3] = total.sum(0) / len(pixels)
     h, g = np.zeros((CHUNKS, *system.h.shape)), np.zeros((CHUNKS, *system.g.shape))
     error, count = np.zeros(CHUNKS), np.zeros(CHUNKS)
     sums(jac, mean, residual, robust, h, g, error, count)

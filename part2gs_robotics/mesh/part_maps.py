@@ -54,11 +54,9 @@ def render_part_maps(gaussians: Gaussians, part_probs: F32, state: StateViews) -
     used = np.flatnonzero(~state.held_out)
     depths = np.zeros((len(used), *state.alphas.shape[1:]), np.float32)
     labels = np.full(depths.shape, NO_PART, np.uint8)
-    arrays = (gaussians.means, gaussians.quats, gaussians.scales, gaussians.opacities,
-              gaussians.colors)
+    splats = gaussians.splats
     for row, v in enumerate(used):
-        seen = render(*arrays, state.viewmats[v], state.Ks[v], state.width, state.height,
-                      extra=part_probs)
+        seen = render(splats, state.camera(int(v)), extra=part_probs)
         solid = (seen.alpha > SOLID_ALPHA) & (state.alphas[v] > SOLID_ALPHA * 255)
         depth = seen.median_depth if state.depths is None else state.depths[v]
         depths[row] = np.where(solid, depth, 0.0)

@@ -16,6 +16,29 @@ def opacities_of(logits: NDArray[np.float32]) -> NDArray[np.float32]:
 
 
 @dataclass(frozen=True)
+class Splats:
+    """N Gaussians as they are drawn: activated values, in any floating dtype.
+
+    Attributes:
+        means: [N, 3] world frame, scene units.
+        quats: [N, 4] wxyz of any length.
+        scales: [N, 3] standard deviations, scene units.
+        opacities: [N] in [0, 1].
+        colors: [N, 3].
+    """
+
+    means: NDArray[np.floating]
+    quats: NDArray[np.floating]
+    scales: NDArray[np.floating]
+    opacities: NDArray[np.floating]
+    colors: NDArray[np.floating]
+
+    def __len__(self) -> int:
+        """Return the number of Gaussians."""
+        return len(self.means)
+
+
+@dataclass(frozen=True)
 class Gaussians:
     """N anisotropic 3-D Gaussians in the world frame, float32.
 
@@ -53,6 +76,11 @@ class Gaussians:
     def colors(self) -> NDArray[np.float32]:
         """[N, 3] view-independent colour, clipped at 0."""
         return np.maximum(0.5 + SH_C0 * self.sh0, 0.0).astype(np.float32)
+
+    @property
+    def splats(self) -> Splats:
+        """These Gaussians as they are drawn, in their view-independent colours."""
+        return Splats(self.means, self.quats, self.scales, self.opacities, self.colors)
 
     def select(self, index: NDArray[np.bool_] | NDArray[np.int64]) -> Gaussians:
         """Return the Gaussians picked by a mask or by indices."""

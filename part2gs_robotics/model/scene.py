@@ -10,6 +10,23 @@ from numpy.typing import NDArray
 
 
 @dataclass(frozen=True)
+class Camera:
+    """A pinhole camera in the world frame.
+
+    Attributes:
+        viewmat: [4, 4] camera_from_world, OpenCV axes.
+        K: [3, 3] pixels, no skew, pixel centres at +0.5.
+        width: pixels.
+        height: pixels.
+    """
+
+    viewmat: NDArray[np.float64]
+    K: NDArray[np.float64]
+    width: int
+    height: int
+
+
+@dataclass(frozen=True)
 class StateViews:
     """All posed images of one observed state, in one resolution.
 
@@ -47,6 +64,10 @@ class StateViews:
     def __len__(self) -> int:
         """Number of views."""
         return len(self.images)
+
+    def camera(self, view: int) -> Camera:
+        """Return the camera of a view."""
+        return Camera(self.viewmats[view], self.Ks[view], self.width, self.height)
 
     def select(self, keep: NDArray[np.bool_]) -> StateViews:
         """Return the views where keep [V] is true."""

@@ -9,7 +9,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from part2gs_robotics.model.arrays import F64
-from part2gs_robotics.model.scene import StateViews
+from part2gs_robotics.model.points import farthest
+from part2gs_robotics.model.scene import Camera, StateViews
+
+
+@dataclass(frozen=True)
+class Photo:
+    """One view of one state: color [H, W, 3] premultiplied, 0..1; alpha [H, W] 0..1; its camera."""
+
+    color: NDArray[np.float32]
+    alpha: NDArray[np.float32]
+    camera: Camera
 
 
 @dataclass(frozen=True)
@@ -26,6 +36,19 @@ class SmallViews:
     Ks: F64
     viewmats: F64
 
+    def __len__(self) -> int:
+        """Return the number of views."""
+        return len(self.colors)
+
+    def camera(self, view: int) -> Camera:
+        """Return the camera of a view."""
+        height, width = self.alphas[view].shape
+        return Camera(self.viewmats[view], self.Ks[view], width, height)
+
+    def photo(self, view: int) -> Photo:
+        """Return one view alone."""
+        return Photo(self.colors[view], self.alphas[view], self.camera(view))
+
     def select(self, index: list[int]) -> SmallViews:
         """Return the views of these indices."""
         return SmallViews(self.colors[index], self.alphas[index], self.Ks[index],
@@ -39,12 +62,7 @@ class SmallViews:
 def spread(viewmats: F64, count: int) -> list[int]:
     """Return indices of up to `count` cameras [V, 4, 4] far from each other, in order."""
     centres = np.stack([-m[:3, :3].T @ m[:3, 3] for m in viewmats])
-    pick = [0]
-    gap = np.full(len(centres), np.inf)
-    for _ in range(min(count, len(centres)) - 1):
-        gap = np.minimum(gap, ((centres - centres[pick[-1]]) ** 2).sum(1))
-        pick.append(int(gap.argmax()))
-    return sorted(pick)
+    return sorted(farthest(centres, count, 0).tolist())
 
 
 def small_views(state: StateViews, count: int, side: int) -> SmallViews:

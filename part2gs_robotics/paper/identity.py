@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array
 from scipy.spatial import cKDTree
 
-from part2gs_robotics.evidence.points import tree_of
 from part2gs_robotics.model.arrays import F32, F64, I64
 from part2gs_robotics.model.gaussians import Gaussians
 from part2gs_robotics.model.joint import Joint
 from part2gs_robotics.model.kinematics import part_motions
+from part2gs_robotics.model.points import tree_of
 from part2gs_robotics.model.se3 import apply, inverse
 from part2gs_robotics.paper.neighbourhood import (
     END_TEMPERATURE,
@@ -23,9 +23,10 @@ from part2gs_robotics.paper.neighbourhood import (
     part_neighbors,
     part_temperature,
 )
+from part2gs_robotics.runtime.adam import Adam
 
 TINY = 1e-30  # a softmax may underflow to 0; well above float32's least 1e-38, log stays finite
-ADAM_MEAN, ADAM_SQUARE, ADAM_EPSILON = 0.9, 0.99, 1e-8  # 40 soft steps: squares forget sooner
+ADAM_BETAS, ADAM_EPSILON = (0.9, 0.99), 1e-8  # 40 soft steps: squares forget sooner
 
 
 @dataclass(frozen=True)
@@ -131,7 +132,7 @@ def _optimised(
 ) -> list[F32]:
     """Return identities [N_s, K+1] after the soft and the hard steps; one-hot if annealed."""
     embeddings = [-u for u in unary]
-    memory = [(np.zeros_like(u), np.zeros_like(u)) for u in unary]
+    adams = [Adam({"rho": config.learning_rate}, ADAM_EPSILON, ADAM_BETAS) for _ in unary]
     probs = [_softmax(e) for e in embeddings]
     for step in range(config.num_steps):
         hard = config.annealed and is_hard(step, config.num_steps)
@@ -145,7 +146,7 @@ def _optimised(
                 probs[s] = _relabelled(probs[s], costs[s], graphs[s], config, step)
                 continue
             _, gradient = soft_objective(embeddings[s], costs[s], graphs[s], config, temperature)
-            embeddings[s] = embeddings[s] - config.learning_rate * _adam(memory[s], gradient, step)
+            adams[s].step({"rho": embeddings[s]}, {"rho": gradient})
             probs[s] = _softmax(embeddings[s] / temperature)
     return probs
 
@@ -206,16 +207,6 @@ def _support(landing: I64, other_probs: F32) -> F32:
         np.where(index >= 0, other_probs[index, part], 0.0) for part, index in enumerate(landing)
     ]
     return np.stack(columns, 1).astype(np.float32)
-
-
-def _adam(memory: tuple[F32, F32], gradient: F32, step: int) -> F32:
-    """Return Adam's direction and update its memory in place."""
-    mean, square = memory
-    mean += (1.0 - ADAM_MEAN) * (gradient - mean)
-    square += (1.0 - ADAM_SQUARE) * (gradient * gradient - square)
-    unbiased = mean / (1.0 - ADAM_MEAN ** (step + 1))
-    scale = np.sqrt(square / (1.0 - ADAM_SQUARE ** (step + 1))) + ADAM_EPSILON
-    return np.asarray(unbiased / scale, np.float32)
 
 
 def _hard_costs(probs: F32, costs: F32, graph: csr_array, config: IdentityConfig) -> F32:

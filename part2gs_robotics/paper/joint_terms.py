@@ -146,11 +146,12 @@ class Pull:
         if name == "vector_field":
             eye, none = torch.eye(3).double()[None], torch.zeros(1, 3).double()
             return losses.vector_field_loss(path[-1], self.one, eye, none,
-                                            torch.ones(len(self.zero), 1).double(), sigma)
+                                            torch.ones(len(self.zero), 1).double(),
+                                            losses.Form(sigma=sigma))
         if name == "articulation":
             index = torch.from_numpy(self.tree.query(path[-1].detach().numpy())[1])
-            return losses.articulation_loss(rot, trans, self.zero, self.one[index],
-                                            rot_weight=ROT_WEIGHT, sigma=sigma)
+            return losses.articulation_loss(rot, trans, (self.zero, self.one[index]),
+                                            rot_weight=ROT_WEIGHT, form=losses.Form(sigma=sigma))
         if name == "contact":
             return losses.contact_loss(path, sdf=part.base, margin=sigma) / sigma**2
         if name == "velocity":
@@ -178,10 +179,12 @@ class Pull:
     def _printed_one(self, name: str, rot: Tensor, trans: Tensor, pairs: tuple[Tensor, Tensor],
                      points: tuple[Tensor, Tensor]) -> Tensor:
         if name == "articulation":
-            return losses.articulation_loss(rot, trans, *pairs, rot_weight=ROT_WEIGHT, paper=True)
+            return losses.articulation_loss(rot, trans, pairs, rot_weight=ROT_WEIGHT,
+                                            form=losses.Form(paper=True))
         if name == "vector_field":
             ones = torch.ones(len(pairs[0]), 1).double()
-            return losses.vector_field_loss(*pairs, rot[None], trans[None], ones, paper=True)
+            return losses.vector_field_loss(*pairs, rot[None], trans[None], ones,
+                                            losses.Form(paper=True))
         if name == "velocity":
             return losses.velocity_loss(*points, torch.ones(len(points[0]), 1).double(), paper=True)
         if name == "contact":

@@ -8,11 +8,12 @@ belongs to moving part k (one-hot, or columns 1..K of the part probabilities).
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import torch
 from torch import Tensor
 
-from part2gs_robotics.evidence.points import tree_of
+from part2gs_robotics.model.points import tree_of
 from part2gs_robotics.paper.repel import NUM_NEAREST, REPEL_EPSILON, REPEL_STRENGTH
 
 SignedDistance = Callable[[Tensor], Tensor]
@@ -21,15 +22,29 @@ SignedDistance = Callable[[Tensor], Tensor]
 EPSILON = 1e-12  # lengths below are one point; far under any scene unit, far above underflow
 
 
+@dataclass(frozen=True)
+class Form:
+    """Which form of a loss.
+
+    Attributes:
+        paper: as printed; else corrected.
+        sigma: robust scale of the corrected form, as the points' lengths.
+    """
+
+    paper: bool = False
+    sigma: float = 0.01
+
+
+CORRECTED = Form()
+
+
 def articulation_loss(
     rotation: Tensor,
     translation: Tensor,
-    points: Tensor,
-    targets: Tensor,
+    pairs: tuple[Tensor, Tensor],
     target_rotation: Tensor | None = None,
     rot_weight: float = 0.1,
-    sigma: float = 0.01,
-    paper: bool = False,
+    form: Form = CORRECTED,
 ) -> Tensor:
     """Return the alignment of one moved part with its matches (eq. 6), a scalar.
 
@@ -39,21 +54,20 @@ def articulation_loss(
     Args:
         rotation: [3, 3] R_k, state1_from_state0.
         translation: [3].
-        points: [n, 3] part k in state 0.
-        targets: [n, 3] their matches in state 1.
+        pairs: [n, 3] points of part k in state 0, and [n, 3] their matches in state 1.
         target_rotation: [3, 3]; None = best rigid fit of the pairs (the paper names no source).
         rot_weight: lambda_rot; unknown in the paper.
-        sigma: robust scale, corrected form only.
-        paper: True = as printed.
+        form: printed or corrected.
     """
+    points, targets = pairs
     if target_rotation is None:
         ones = torch.ones(len(points), dtype=points.dtype)
         target_rotation = best_rotation(points, targets, ones)
     squared = (points @ rotation.T + translation - targets).square().sum(-1)
-    if paper:
+    if form.paper:
         return _mean(squared) + rot_weight * rotation_angle(rotation, target_rotation)
     turn = 3.0 - (rotation * target_rotation).sum()  # = 2 (1 - cos angle): trace = 1 + 2 cos
-    return _mean(geman_mcclure(squared, sigma)) + rot_weight * turn
+    return _mean(geman_mcclure(squared, form.sigma)) + rot_weight * turn
 
 
 def contact_loss(
@@ -164,8 +178,7 @@ def vector_field_loss(
     rotations: Tensor,
     translations: Tensor,
     weights: Tensor,
-    sigma: float = 0.01,
-    paper: bool = False,
+    form: Form = CORRECTED,
 ) -> Tensor:
     """Return how far the joints carry state 0 from state 1 (eq. 9), a scalar.
 
@@ -179,17 +192,16 @@ def vector_field_loss(
         rotations: [K, 3, 3] state1_from_state0.
         translations: [K, 3].
         weights: [n, K].
-        sigma: robust scale, corrected form only.
-        paper: True = as printed.
+        form: printed or corrected.
     """
     total = points0.sum() * 0.0 + rotations.sum() * 0.0 + translations.sum() * 0.0
     for rotation, translation, part in zip(rotations, translations, weights.T, strict=True):
         moved = points0 @ rotation.T + translation
-        if paper:
+        if form.paper:
             total = total + part @ (moved - points1).square().sum(-1)
         elif len(points1) and len(moved):
             squared = (moved - points1[_nearest(moved, points1)]).square().sum(-1)
-            cost = part @ geman_mcclure(squared, sigma)
+            cost = part @ geman_mcclure(squared, form.sigma)
             total = total + cost / part.sum().clamp_min(EPSILON)
     return total
 
@@ -197,31 +209,6 @@ def vector_field_loss(
 def geman_mcclure(squared: Tensor, sigma: float) -> Tensor:
     """Return r^2 / (r^2 + sigma^2) of squared lengths: quadratic near 0, bounded by 1."""
     return squared / (squared + sigma**2)
-
-
-def grid_signed_distance(grid: Tensor, origin: Tensor, voxel: float) -> SignedDistance:
-    """Return the trilinear signed distance of a [X, Y, Z] grid, constant beyond its border.
-
-    Args:
-        grid: [X, Y, Z] distances in scene units, negative inside; each side >= 2.
-        origin: [3] world position of node (0, 0, 0).
-        voxel: node spacing, scene units.
-    """
-    last = torch.tensor(grid.shape, dtype=grid.dtype) - 1.0
-
-    def distance(points: Tensor) -> Tensor:
-        place = torch.minimum(((points - origin) / voxel).clamp_min(0.0), last)
-        low = torch.minimum(place.detach().floor(), last - 1.0)
-        x, y, z = (place - low).unbind(-1)
-        i, j, k = low.long().unbind(-1)
-        plane = [
-            (1 - z) * ((1 - y) * grid[i + a, j, k] + y * grid[i + a, j + 1, k])
-            + z * ((1 - y) * grid[i + a, j, k + 1] + y * grid[i + a, j + 1, k + 1])
-            for a in (0, 1)
-        ]
-        return (1 - x) * plane[0] + x * plane[1]
-
-    return distance
 
 
 def moved_points(

@@ -6,8 +6,8 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 from scipy.spatial.distance import cdist
 
-from part2gs_robotics.evidence.points import farthest_point_sample
 from part2gs_robotics.model.arrays import F64, I64
+from part2gs_robotics.model.points import farthest, outermost
 
 # ArtGS matches at most 5000 samples; the assignment is O(n^3), and 2000 take 1.5 s on one core
 MAX_MATCHES = 5000
@@ -30,6 +30,6 @@ def match_hungarian(points0: F64, points1: F64, num_matches: int = NUM_MATCHES) 
     count = min(len(points0), len(points1), num_matches, MAX_MATCHES)
     if count == 0:
         return np.zeros((0, 2), np.int64)
-    index0, index1 = (farthest_point_sample(p, count) for p in (points0, points1))
+    index0, index1 = (farthest(p, count, outermost(p)) for p in (points0, points1))
     rows, cols = linear_sum_assignment(cdist(points0[index0], points1[index1]))
     return np.stack([index0[rows], index1[cols]], 1).astype(np.int64)

@@ -7,56 +7,18 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from part2gs_robotics.evidence.points import tree_of
 from part2gs_robotics.model.arrays import F64, I64
 from part2gs_robotics.model.gaussians import Gaussians
+from part2gs_robotics.model.points import tree_of
 from part2gs_robotics.model.se3 import rotation_from_quats
 
 if TYPE_CHECKING:
-    from torch import Tensor
+    pass
 
 
 CANDIDATES = 3  # candidates per kept neighbour; 3 k of a surface still lie within two spacings
 HARD_FROM = 2 / 3  # identities are hard in the last third (method 6.5)
 START_TEMPERATURE, END_TEMPERATURE = 1.0, 0.1  # as ArtGS anneals its slots
-
-
-def part_log_probs(
-    embeddings: Tensor, weight: Tensor, bias: Tensor, temperature: float = 1.0
-) -> Tensor:
-    """Return [N, K+1] log F(G_i) = log softmax((W rho_i + b) / temperature).
-
-    Args:
-        embeddings: [N, d] rho; d = K+1 with W = 1 and b = 0 makes them plain logits.
-        weight: [K+1, d] W.
-        bias: [K+1] b.
-        temperature: > 0; 1 = as printed, towards 0 = hard.
-
-    Source: Part2GS eq. 4.
-    """
-    import torch
-
-    return torch.log_softmax((embeddings @ weight.T + bias) / temperature, -1)
-
-
-def part_kl_loss(log_probs: Tensor, neighbors: Tensor, floor: float = 1e-6) -> Tensor:
-    """Return L_part = mean_i KL(F(G_i) || mean_{j in N(i)} F(G_j)), a scalar.
-
-    Alone it is least when one part holds everything: it needs evidence beside it.
-
-    Args:
-        log_probs: [N, K+1] of `part_log_probs`.
-        neighbors: [N, k] of `part_neighbors`; k = 0 gives 0.
-        floor: added to the neighbourhood's mean, so that a part absent there costs at most
-            -log(floor) instead of infinity.
-
-    Source: Part2GS eq. 4.
-    """
-    if neighbors.numel() == 0:
-        return log_probs.sum() * 0.0
-    probs = log_probs.exp()
-    around = probs[neighbors].mean(1)
-    return (probs * (log_probs - (around + floor).log())).sum(-1).mean()
 
 
 def part_temperature(step: int, num_steps: int) -> float:

@@ -6,7 +6,7 @@ gradient of the terms that are on, and the losses are reported for every part.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from typing import TYPE_CHECKING
@@ -19,10 +19,11 @@ from scipy.spatial import cKDTree
 from part2gs_robotics.config import ArticulateConfig
 from part2gs_robotics.model import se3
 from part2gs_robotics.model.arrays import F64
-from part2gs_robotics.model.joint import Joint, move_of
+from part2gs_robotics.model.joint import Joint
 from part2gs_robotics.paper import losses
 from part2gs_robotics.paper.joint_terms import REPEL_VOXEL, SWEEP, Part, Pull, parts_of, terms_on
 from part2gs_robotics.paper.repel import joint_gradient, repel_forces
+from part2gs_robotics.runtime.adam import Adam
 from part2gs_robotics.runtime.finite import require_finite
 
 if TYPE_CHECKING:
@@ -30,7 +31,7 @@ if TYPE_CHECKING:
 
 STEPS = 25  # the start is within a degree; Adam moves at most STEPS * RATE
 RATE = 2e-3  # rad and diagonals per step
-BETAS, EPSILON = (0.9, 0.999), 1e-8  # Adam's own; a gradient of rounding alone moves nothing
+EPSILON = 1e-8  # Adam's own; a gradient of rounding alone moves nothing
 FEWEST = 20  # points of a part per state that may pull on its joint
 
 
@@ -75,8 +76,7 @@ def _descend(part: Part, joint: Joint, number: int, config: ArticulateConfig) ->
     require_finite({"joint": numbers}, f"part {number}", 1)
     pull = Pull(part, joint, config)
     said = " and ".join(pull.terms).replace("_", " ")
-    first, second = np.zeros_like(numbers), np.zeros_like(numbers)
-    best, kept = np.inf, joint
+    adam, best, kept = Adam({"joint": RATE}, EPSILON), np.inf, joint
     for step in range(1, STEPS + 1):
         require_finite({"joint": numbers}, f"part {number}", step)
         free = torch.tensor(numbers, requires_grad=True)
@@ -86,19 +86,8 @@ def _descend(part: Part, joint: Joint, number: int, config: ArticulateConfig) ->
         if score < best:
             best, kept = score, _joint_of(joint, numbers, scale, part.diag)
         slope = torch.autograd.grad(loss, free)[0].numpy()
-        numbers = numbers - _adam(first, second, slope, step)
+        adam.step({"joint": numbers}, {"joint": slope})
     return kept
-
-
-def _adam(first: F64, second: F64, gradient: F64, step: int) -> F64:
-    """Return Adam's step and update its moments in place.
-
-    As torch.optim.Adam, whose import takes 3 s for a compiler that nothing here needs.
-    """
-    first += (1.0 - BETAS[0]) * (gradient - first)
-    second += (1.0 - BETAS[1]) * (gradient * gradient - second)
-    root = np.sqrt(second / (1.0 - BETAS[1] ** step)) + EPSILON
-    return np.asarray(RATE / (1.0 - BETAS[0] ** step) * first / root)
 
 
 def _joint_of(joint: Joint, numbers: F64, scale: float, diag: float) -> Joint:
@@ -108,7 +97,7 @@ def _joint_of(joint: Joint, numbers: F64, scale: float, diag: float) -> Joint:
 
 
 def part_diagnostics(
-    study: Study, joints: list[Joint], hard: NDArray[np.int64], paper: bool
+    study: Study, joints: Sequence[Joint], hard: NDArray[np.int64], paper: bool
 ) -> tuple[tuple[dict[str, float], ...], tuple[str, ...]]:
     """Return the losses and residuals of every part, and notes on terms that were left out."""
     rows, notes = [], []
@@ -125,7 +114,7 @@ def _measure(part: Part, joint: Joint, paper: bool) -> dict[str, float]:
     zero, one, repels = part.zero, part.one, part.repels
     if min(len(zero), len(one)) == 0:
         return {"motion_residual": float("nan"), "repel_points": float(len(repels))}
-    gap, index = cKDTree(one).query(se3.apply(move_of(joint), zero))
+    gap, index = cKDTree(one).query(se3.apply(joint.state1_from_0, zero))
     close = gap < part.tau
     weights = torch.ones(int(close.sum()), 1, dtype=torch.float64)
     path = np.stack([se3.apply(joint.transform(s * joint.value), zero) for s in SWEEP])
@@ -147,8 +136,8 @@ def _measure(part: Part, joint: Joint, paper: bool) -> dict[str, float]:
 
 def _field_loss(part: Part, joint: Joint, target: F64, paper: bool) -> float:
     """Return the vector-field loss of a part's points under its joint, against target [M, 3]."""
-    move = torch.from_numpy(move_of(joint)[None].copy())
+    move = torch.from_numpy(joint.state1_from_0[None].copy())
     ones = torch.ones(len(part.zero), 1, dtype=torch.float64)
     return float(losses.vector_field_loss(
         torch.from_numpy(part.zero), torch.from_numpy(target), move[:, :3, :3], move[:, :3, 3],
-        ones, sigma=part.tau, paper=paper))
+        ones, losses.Form(paper, part.tau)))

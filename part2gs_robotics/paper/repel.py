@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from part2gs_robotics.evidence.points import farthest_point_sample, tree_of
 from part2gs_robotics.model.arrays import F64
 from part2gs_robotics.model.joint import Joint
+from part2gs_robotics.model.points import farthest, outermost, tree_of
 
 NUM_REPEL = 2000  # N_R of the paper
 REACH_SPACINGS = 1.5  # the paper's proximity threshold, read as multiples of the local spacing
@@ -35,7 +35,7 @@ def repel_points(
     """
     found = [_seam(np.asarray(b, float), np.asarray(p, float), reach_spacings) for b, p in states]
     seam = np.concatenate([np.zeros((0, 3)), *found])
-    return seam[np.sort(farthest_point_sample(seam, max_points))]
+    return seam[np.sort(farthest(seam, max_points, outermost(seam)))]
 
 
 def repel_forces(

@@ -14,6 +14,8 @@ import numba
 import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
 
+from part2gs_robotics.model.gaussians import Splats
+from part2gs_robotics.model.scene import Camera
 from part2gs_robotics.render.backward import BACKWARD_SIZE, backward
 from part2gs_robotics.render.backward_projection import CARRY_SIZE, GRADS, carry_back
 from part2gs_robotics.render.ellipses import Floats
@@ -71,7 +73,7 @@ class Saved:
     opacities: Floats
     channels: Floats
     view: Floats
-    camera: Floats
+    lens: Floats
     packed: Floats
     pairs: Pairs
     needed: NDArray[np.int32]
@@ -89,22 +91,13 @@ class Saved:
         return image
 
 
-def render(means: Floats, quats: Floats, scales: Floats, opacities: Floats, colors: Floats,
-           viewmat: ArrayLike, K: ArrayLike, width: int, height: int, *,
-           extra: Floats | None = None, background: ArrayLike | None = None,
-           workspace: Workspace | None = None) -> Rendered:
+def render(splats: Splats, camera: Camera, *, extra: Floats | None = None,
+           background: ArrayLike | None = None, workspace: Workspace | None = None) -> Rendered:
     """Render Gaussians into one pinhole camera.
 
     Args:
-        means: [N, 3] world frame, scene units; their dtype (float32 or float64) is used throughout.
-        quats: [N, 4] wxyz of any length; normalised inside.
-        scales: [N, 3] standard deviations, scene units.
-        opacities: [N] in [0, 1].
-        colors: [N, 3].
-        viewmat: [4, 4] camera_from_world, OpenCV axes.
-        K: [3, 3] pixels, no skew, pixel centres at +0.5.
-        width: pixels.
-        height: pixels.
+        splats: N Gaussians; the dtype of their means, float32 or float64, is used throughout.
+        camera: pinhole.
         extra: [N, C] further channels to blend.
         background: [3] colour behind everything; black without.
         workspace: buffers to use again. The images and gradients are then valid until the next
@@ -113,19 +106,21 @@ def render(means: Floats, quats: Floats, scales: Floats, opacities: Floats, colo
     Returns:
         The images. A Gaussian with a value that is not finite is left out.
     """
-    double = np.asarray(means).dtype == np.float64
+    double = np.asarray(splats.means).dtype == np.float64
     dtype: np.dtype[np.floating] = np.dtype(np.float64) if double else np.dtype(np.float32)
-    n, work = len(means), workspace or Workspace()
+    n, work = len(splats), workspace or Workspace()
     work.generation += 1
     means, quats, scales, opacities, colors = (
-        _array(a, dtype) for a in (means, quats, scales, opacities, colors))
+        _array(a, dtype) for a in (splats.means, splats.quats, splats.scales, splats.opacities,
+                                   splats.colors))
     channels = np.zeros((n, 0), dtype) if extra is None else _array(extra, dtype)
     behind = np.zeros(3, dtype) if background is None else _array(background, dtype)
-    view = np.ascontiguousarray(viewmat, np.float64)
-    camera = _camera(np.asarray(K, np.float64), width, height)
+    width, height = camera.width, camera.height
+    view = np.ascontiguousarray(camera.viewmat, np.float64)
+    lens = _lens(np.asarray(camera.K, np.float64), width, height)
     packed, boxes = work.take("packed", (n, PACKED), dtype), work.take("boxes", (n, 4), np.int32)
     visible = work.take("visible", (n,), np.bool_)
-    project(means, quats, scales, opacities, colors, channels, view, camera, width, height,
+    project(means, quats, scales, opacities, colors, channels, view, lens, width, height,
             _scratch(work, PROJECT_SIZE, np.float64), packed, boxes, visible)
     pairs = _pairs(packed, boxes, visible, -(-width // TILE_X), -(-height // TILE_Y), work)
     needed = work.take("needed", (len(pairs.tile_first) - 1,), np.int32)
@@ -135,7 +130,7 @@ def render(means: Floats, quats: Floats, scales: Floats, opacities: Floats, colo
     forward(pairs.shares, pairs.tile_first, pairs.table, packed, channels, behind,
             _ramp(work, dtype), _scratch(work, FORWARD_SIZE + channels.shape[1] * TILE, dtype),
             color, alpha, depth, extra_image, needed)
-    saved = Saved(means, quats, scales, opacities, channels, view, camera, packed, pairs, needed,
+    saved = Saved(means, quats, scales, opacities, channels, view, lens, packed, pairs, needed,
                   work, workspace, work.generation, (height, width))
     return Rendered(color, alpha, depth, extra_image, visible, saved)
 
@@ -176,7 +171,7 @@ def render_backward(rendered: Rendered, d_color: Floats | None, d_alpha: Floats 
         opacities=out.take("d_opacities", (n,), dtype),
         extra=out.take("d_extra", (n, width), dtype),
         means2d_abs=out.take("d_screen", (n,), dtype), visible=rendered.visible)
-    carry_back(s.means, s.quats, s.scales, s.opacities, s.view, s.camera, s.pairs.first, partial,
+    carry_back(s.means, s.quats, s.scales, s.opacities, s.view, s.lens, s.pairs.first, partial,
                _scratch(work, CARRY_SIZE, np.float64), g.means, g.quats, g.scales, g.opacities,
                g.colors, g.extra, g.means2d_abs)
     return g
@@ -226,7 +221,7 @@ def _standing(saved: Kept) -> Saved:
     """Return our saved state, if its arrays have not been used again."""
     if not isinstance(saved, Saved):
         raise TypeError(f"this rendering holds {type(saved).__name__}. Expected one of the CPU; "
-                        "go back through render.render_backward, which asks the right device.")
+                        "go back through dispatch.render_backward, which asks the right device.")
     if saved.generation != saved.workspace.generation:
         raise RuntimeError(f"this rendering is number {saved.generation} of its workspace, which "
                            f"has drawn {saved.workspace.generation}. Expected the latest; give "
@@ -251,7 +246,7 @@ def _ramp(work: Workspace, dtype: DTypeLike) -> Floats:
     return ramp
 
 
-def _camera(K: Floats, width: int, height: int) -> Floats:
+def _lens(K: Floats, width: int, height: int) -> Floats:
     """Pack intrinsics, the limits of the Jacobian's direction, and the near plane."""
     fx, fy, cx, cy = K[0, 0], K[1, 1], K[0, 2], K[1, 2]
     mx, my = FOV_MARGIN * 0.5 * width / fx, FOV_MARGIN * 0.5 * height / fy

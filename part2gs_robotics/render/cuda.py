@@ -19,6 +19,8 @@ from numpy.typing import ArrayLike
 
 from part2gs_robotics.errors import FitError
 from part2gs_robotics.model.arrays import F32
+from part2gs_robotics.model.gaussians import Splats
+from part2gs_robotics.model.scene import Camera
 from part2gs_robotics.render.rendered import Floats, Gradients, Rendered
 
 if TYPE_CHECKING:
@@ -43,42 +45,32 @@ class Saved:
         means2d: [1, N, 2] projected centres, pixels.
         image: [1, H, W, 3 + C + 1] colour, extra, sum w z.
         alpha: [1, H, W, 1].
-        viewmat: [4, 4].
-        K: [3, 3].
+        camera: that they were drawn for.
     """
 
     leaves: tuple[Tensor, ...]
     means2d: Tensor
     image: Tensor
     alpha: Tensor
-    viewmat: F32
-    K: F32
+    camera: Camera
 
     def median_depth(self) -> Floats:
         """Return the median depth, drawn by the CPU's kernels: gsplat has none."""
         from part2gs_robotics.render import cpu as render_cpu
 
         means, quats, scales, opacities, channels = map(_numpy, self.leaves)
-        height, width = self.alpha.shape[1:3]
-        return render_cpu.render(means, quats, scales, opacities, channels[:, :3], self.viewmat,
-                                 self.K, width, height).median_depth
+        splats = Splats(means, quats, scales, opacities, channels[:, :3])
+        return render_cpu.render(splats, self.camera).median_depth
 
 
-def render(means: Floats, quats: Floats, scales: Floats, opacities: Floats, colors: Floats,
-           viewmat: ArrayLike, K: ArrayLike, width: int, height: int, *,
-           extra: Floats | None = None, background: ArrayLike | None = None) -> Rendered:
+def render(splats: Splats, camera: Camera, *, extra: Floats | None = None,
+           background: ArrayLike | None = None) -> Rendered:
     """Render Gaussians into one pinhole camera, in float32.
 
     Args:
-        means: [N, 3] world frame, scene units; float64 is rounded to float32.
-        quats: [N, 4] wxyz of any length; normalised inside.
-        scales: [N, 3] standard deviations, scene units.
-        opacities: [N] in [0, 1]; above 0.99 drawn as 0.99, with the gradient of 0.99.
-        colors: [N, 3].
-        viewmat: [4, 4] camera_from_world, OpenCV axes.
-        K: [3, 3] pixels, no skew, pixel centres at +0.5.
-        width: pixels.
-        height: pixels.
+        splats: N Gaussians, rounded to float32; opacities above 0.99 are drawn as 0.99, with the
+            gradient of 0.99.
+        camera: pinhole.
         extra: [N, C] further channels to blend.
         background: [3] colour behind everything; black without.
 
@@ -88,21 +80,20 @@ def render(means: Floats, quats: Floats, scales: Floats, opacities: Floats, colo
     Raises:
         FitError: the GPU's memory is full.
     """
-    if not len(means):  # gsplat divides by the number of Gaussians
+    if not len(splats):  # gsplat divides by the number of Gaussians
         from part2gs_robotics.render import cpu as render_cpu
 
-        return render_cpu.render(means, quats, scales, opacities, colors, viewmat, K, width, height,
-                                 extra=extra, background=background)
+        return render_cpu.render(splats, camera, extra=extra, background=background)
     import torch
 
-    channels = colors if extra is None else np.concatenate([colors, extra], axis=1)
-    view, camera = np.array(viewmat, np.float32), np.array(K, np.float32)
-    with _enough_memory(len(means)):
+    channels = (splats.colors if extra is None
+                else np.concatenate([splats.colors, extra], axis=1))
+    with _enough_memory(len(splats)):
         leaves = tuple(torch.tensor(a, device=DEVICE, requires_grad=True)
-                       for a in _drawable(means, quats, scales, opacities, channels))
-        image, alpha, means2d, radii = _rasterize(leaves, view, camera, width, height, background)
+                       for a in _drawable(splats, channels))
+        image, alpha, means2d, radii = _rasterize(leaves, camera, background)
     drawn = _numpy(image)[0]
-    saved = Saved(leaves, means2d, image, alpha, view, camera)
+    saved = Saved(leaves, means2d, image, alpha, camera)
     return Rendered(np.ascontiguousarray(drawn[..., :3]), _numpy(alpha)[0, ..., 0],
                     np.ascontiguousarray(drawn[..., -1]), np.ascontiguousarray(drawn[..., 3:-1]),
                     (_numpy(radii)[0] > 0).all(-1), saved)
@@ -151,34 +142,35 @@ def render_backward(rendered: Rendered, d_color: Floats | None, d_alpha: Floats 
 def draw_one() -> None:
     """Draw one Gaussian and differentiate: whatever is missing on this machine raises here."""
     one = np.ones((1, 3), np.float32)
-    drawn = render(one * (0, 0, 2), np.ones((1, 4), np.float32), 0.1 * one, 0.9 * one[0, :1], one,
-                   np.eye(4), np.array([[40.0, 0, 8], [0, 40, 8], [0, 0, 1]]), 16, 16)
+    splats = Splats(one * (0, 0, 2), np.ones((1, 4), np.float32), 0.1 * one, 0.9 * one[0, :1], one)
+    K = np.array([[40.0, 0, 8], [0, 40, 8], [0, 0, 1]])
+    drawn = render(splats, Camera(np.eye(4), K, 16, 16))
     gradients = render_backward(drawn, np.ones_like(drawn.color))
     # The pixel beside the centre sees 0.85 of it, and more opacity means more light.
     if not (0.8 < float(drawn.alpha.max()) < 0.9 and gradients.opacities[0] > 0):
         raise RuntimeError(f"a Gaussian of opacity 0.9 is drawn with {drawn.alpha.max():.3f}")
 
 
-def _rasterize(leaves: tuple[Tensor, ...], viewmat: F32, K: F32, width: int, height: int,
-               background: ArrayLike | None) -> tuple[Tensor, Tensor, Tensor, Tensor]:
+def _rasterize(leaves: tuple[Tensor, ...], camera: Camera, background: ArrayLike | None,
+               ) -> tuple[Tensor, Tensor, Tensor, Tensor]:
     """Return image, alpha, projected centres [1, N, 2] and radii [1, N, 2] (0: out of sight)."""
     import torch
     from gsplat import rasterization
 
     behind = np.zeros((1, leaves[-1].shape[1]), np.float32)
     behind[0, :3] = 0 if background is None else background
-    view, camera, behind_all = (torch.tensor(a, device=DEVICE)
-                                for a in (viewmat[None], K[None], behind))
+    one, lens = (np.array(a, np.float32)[None] for a in (camera.viewmat, camera.K))
+    view, K, behind_all = (torch.tensor(a, device=DEVICE) for a in (one, lens, behind))
     image, alpha, meta = rasterization(
-        *leaves, view, camera, width, height, near_plane=NEAR, eps2d=LOW_PASS, packed=False,
-        backgrounds=behind_all, render_mode="RGB+D", rasterize_mode="classic")
+        *leaves, view, K, camera.width, camera.height, near_plane=NEAR, eps2d=LOW_PASS,
+        packed=False, backgrounds=behind_all, render_mode="RGB+D", rasterize_mode="classic")
     return image, alpha, meta["means2d"], meta["radii"]
 
 
-def _drawable(means: Floats, quats: Floats, scales: Floats, opacities: Floats, channels: Floats,
-              ) -> tuple[F32, ...]:
+def _drawable(splats: Splats, channels: Floats) -> tuple[F32, ...]:
     """Return float32 copies in which a Gaussian that is not finite is transparent instead."""
-    arrays = tuple(np.array(a, np.float32) for a in (means, quats, scales, opacities, channels))
+    arrays = tuple(np.array(a, np.float32) for a in (splats.means, splats.quats, splats.scales,
+                                               splats.opacities, channels))
     finite = np.logical_and.reduce([np.isfinite(a.reshape(len(a), -1)).all(1) for a in arrays])
     sound = finite & ((arrays[1] * arrays[1]).sum(1) > TINY)
     for a in arrays:

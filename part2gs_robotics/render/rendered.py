@@ -39,11 +39,6 @@ class Rendered:
     visible: NDArray[np.bool_]
     saved: Kept
 
-    @property
-    def num_visible(self) -> int:
-        """Number of Gaussians whose ellipse touches the image."""
-        return int(np.count_nonzero(self.visible))
-
     @cached_property
     def median_depth(self) -> Floats:
         """[H, W] z at which the transmittance falls below 0.5, 0 where alpha < 0.5.

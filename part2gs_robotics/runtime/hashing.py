@@ -1,14 +1,21 @@
-"""Keys of stages: a hash of everything a result depends on."""
+"""Keys of stages and kernels: hashes of everything a result depends on, source files included."""
 
 from __future__ import annotations
 
 import hashlib
 import json
+import re
+from collections.abc import Mapping
+from functools import cache
+from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
 
-from part2gs_robotics import __version__
+PACKAGE = "part2gs_robotics"
+ROOT = Path(__file__).resolve().parents[1]
+BESIDE = ("exporters", "sim_checks")  # rooms that a checkout keeps beside the package, not in it
+_IMPORT = re.compile(rf"^(?:from|import) +{PACKAGE}\b([.\w]*)", re.MULTILINE)
 
 
 def hash_of(*parts: object) -> str:
@@ -34,11 +41,76 @@ def _update(digest: hashlib._Hash, part: object) -> None:
 
 
 def code_version() -> str:
-    """Return a hash of this package's source: changed code never reuses old stages."""
-    import part2gs_robotics.exporters as exporters
+    """Return a hash of the package's source: changed code never reuses old stages.
 
-    digest = hashlib.sha256(__version__.encode())
-    for folder in (Path(__file__).parent, Path(exporters.__file__ or "").parent):
-        for file in sorted(folder.glob("*.py")):
-            digest.update(file.name.encode() + file.read_bytes())
+    All rooms count, those behind the last stage too: a list of exceptions would be wrong without
+    a sign once a stage uses one of them. Installed or in a checkout, the same code has one hash.
+    """
+    return hash_of_code({"": ROOT, **{name: _folder_of(name) for name in BESIDE}})
+
+
+def hash_of_code(folders: Mapping[str, Path]) -> str:
+    """Return a hash of the names and contents of all Python files.
+
+    Args:
+        folders: place inside the package, "" for its root -> folder, read with those below it.
+    """
+    return _hash_of_files({(Path(place) / path.relative_to(folder)).as_posix(): path.read_bytes()
+                           for place, folder in folders.items()
+                           for path in folder.rglob("*.py")})
+
+
+def hash_of_imports(module: str) -> str:
+    """Return a hash of a module's file and of all that it imports at its top, to the last one.
+
+    A compiled kernel holds the functions and constants that its file imported, so this changes
+    whenever the kernel may.
+
+    Args:
+        module: full name of a module of this package, outside of the rooms beside it.
+
+    Raises:
+        FileNotFoundError: there is no such module, or it imports one that is not there.
+    """
+    return _hash_of_files(_imported(module))
+
+
+def _imported(module: str) -> dict[str, bytes]:
+    """Return a module's file and all files of the package that its imports may read, by name."""
+    found: dict[str, bytes] = {}
+    waiting = [module.removeprefix(PACKAGE)]
+    while waiting:
+        for path in _files_of(waiting.pop()):
+            name = path.relative_to(ROOT).as_posix()
+            if name not in found:
+                found[name] = _read(path)
+                waiting += _IMPORT.findall(found[name].decode())
+    return found
+
+
+def _files_of(name: str) -> list[Path]:
+    """Return the files that an import of a dotted name below the package may read."""
+    path = ROOT.joinpath(*name.split(".")[1:])
+    # Of a folder any file may be meant: `from room import file` looks like `from room import name`.
+    return sorted(path.glob("*.py")) if path.is_dir() else [path.with_suffix(".py")]
+
+
+@cache
+def _read(path: Path) -> bytes:
+    return path.read_bytes()  # kernels share most of what they import
+
+
+def _hash_of_files(files: Mapping[str, bytes]) -> str:
+    digest = hashlib.sha256()
+    for name, content in sorted(files.items()):
+        digest.update(f"{name}\0{len(content)}\0".encode() + content)
     return digest.hexdigest()
+
+
+def _folder_of(room: str) -> Path:
+    """Return the folder of a room; it is looked up, not imported."""
+    spec = find_spec(f"{PACKAGE}.{room}")
+    if spec is None or not spec.submodule_search_locations:
+        raise ModuleNotFoundError(f"{PACKAGE}.{room} is missing. Expected it to be installed with "
+                                  "the package; install part2gs-robotics again.")
+    return Path(next(iter(spec.submodule_search_locations)))

@@ -1,23 +1,34 @@
-"""Compile the CPU kernels: one place for Numba's options and its cache folder."""
+"""Compile the CPU kernels: one place for Numba's options, and its cache where jit_cache says."""
 
 from __future__ import annotations
 
 import ctypes
-import os
-import stat
-import tempfile
-from collections.abc import Callable
+import logging
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from functools import cache
 from importlib import metadata
 from pathlib import Path
-from typing import TypeVar, cast
+from typing import Any, TypeVar, cast
 
+import llvmlite
 import numba
+import numpy as np
 from numba.core import event
+
+from part2gs_robotics.runtime.hashing import PACKAGE
+from part2gs_robotics.runtime.jit_cache import clocks, folder_of
+
+try:
+    import fcntl
+except ImportError:  # Windows
+    fcntl = None  # type: ignore[assignment]
 
 TBB = "libtbb.so.12"
 LINE = 64  # bytes of a cache line: buffers of the kernels start at one
 
 F = TypeVar("F", bound=Callable[..., object])
+logger = logging.getLogger(__name__)
 
 # contract: fused multiply-add; reassoc: vector sums; nsz: frees the selects. NaN and infinity keep
 # their IEEE meaning (no nnan, no ninf) because the projection skips Gaussians by testing for them.
@@ -26,55 +37,127 @@ _OPTIONS = {"nogil": True, "error_model": "numpy", "fastmath": {"contract", "rea
 
 
 def kernel(function: F) -> F:
-    """Compile a function for one thread, cached on disk."""
-    return cast(F, numba.njit(cache=True, **_OPTIONS)(function))
+    """Compile a function for one thread, kept on disk."""
+    return cast(F, _kept(numba.njit(**_OPTIONS)(function)))
 
 
 def inlined(function: F) -> F:
-    """Compile a function to be called from kernels of the same file."""
+    """Compile a function to be called from kernels, each of which holds a copy."""
     return cast(F, numba.njit(**_OPTIONS)(function))
 
 
 def parallel_kernel(function: F) -> F:
-    """Compile a function whose prange loops run on all threads, cached on disk."""
-    return cast(F, numba.njit(cache=True, parallel=True, **_OPTIONS)(function))
+    """Compile a function whose prange loops run on all threads, kept on disk."""
+    return cast(F, _kept(numba.njit(parallel=True, **_OPTIONS)(function)))
 
 
-def _writable(folder: Path) -> bool:
-    """Whether a file can be created in the folder, or in the parent it would be made in."""
-    while not folder.exists() and folder != folder.parent:
-        folder = folder.parent
+def _kept(dispatcher: Any) -> Any:
+    """Return a dispatcher that keeps what it compiles; outside of this package none does."""
+    function = getattr(dispatcher, "py_func", None)  # none where NUMBA_DISABLE_JIT is set
+    if function is None or not function.__module__.startswith(PACKAGE + "."):
+        return dispatcher
     try:
-        with tempfile.TemporaryFile(dir=folder):
-            return True
-    except OSError:
-        return False
+        dispatcher._cache.enable()  # fails where numba no longer has the attribute set here
+        dispatcher._cache = _cache_class()(function)
+    except (ImportError, AttributeError, TypeError, NotImplementedError) as err:
+        _say_once(f"numba {numba.__version__} keeps kernels in a way that this version does not "
+                  f"know ({err}). An installation in another place compiles them again.")
+        before, numba.config.CACHE_DIR = numba.config.CACHE_DIR, str(_folder(function))
+        try:
+            dispatcher.enable_caching()  # reads the setting now and never again
+        finally:
+            numba.config.CACHE_DIR = before
+    return dispatcher
 
 
-def _private_temporary_folder() -> Path:
-    """Return a cache folder in the temporary directory that only this user can write."""
-    # The cache holds code: a folder someone else prepared under this name must not be trusted.
-    folder = Path(tempfile.gettempdir()) / f"part2gs-robotics-numba-{os.getuid()}"
-    try:
-        folder.mkdir(mode=0o700, exist_ok=True)
-        info = folder.lstat()
-    except OSError:
-        return Path(tempfile.mkdtemp(prefix="part2gs-robotics-numba-"))
-    ours = stat.S_ISDIR(info.st_mode) and info.st_uid == os.getuid() and not info.st_mode & 0o022
-    return folder if ours else Path(tempfile.mkdtemp(prefix="part2gs-robotics-numba-"))
+def _places() -> Any:
+    """Return the part of Numba's cache that names files, with our folder in place of its choices.
 
-
-def ensure_cache_folder() -> None:
-    """Point Numba at a writable cache folder where its own choices are read-only.
-
-    Numba stops with an error if neither the package nor the user's cache folder can be written.
+    Numba names a folder by the path of the source and may refuse kernels when the file is newer, so
+    that an installation made again compiles everything. It looks at no other file either: a kernel
+    stays as it is when a helper that it holds changes. None of this is in its public API.
     """
-    given = os.environ.get("NUMBA_CACHE_DIR", "")
-    user_cache = Path(os.environ.get("XDG_CACHE_HOME") or Path("~/.cache").expanduser())
-    choices = [Path(given)] if given else [Path(__file__).parent / "__pycache__", user_cache]
-    if not any(_writable(folder) for folder in choices):
-        os.environ["NUMBA_CACHE_DIR"] = str(_private_temporary_folder())
-        numba.config.CACHE_DIR = os.environ["NUMBA_CACHE_DIR"]
+    from numba.core.caching import CompileResultCacheImpl, _CacheLocator
+
+    class Place(_CacheLocator):
+        def __init__(self, function: Any, file: str) -> None:
+            self._py_file, self._lineno = file, function.__code__.co_firstlineno
+            self._folder = _folder(function)
+
+        def get_cache_path(self) -> str:
+            return str(self._folder)
+
+        def get_source_stamp(self) -> str:
+            return self._folder.name  # says all: another source, another folder
+
+        def get_disambiguator(self) -> str:
+            return str(self._lineno)
+
+        @classmethod
+        def from_function(cls, py_func: Any, py_file: str) -> Any:
+            return cls(py_func, py_file)
+
+    class Places(CompileResultCacheImpl):
+        _locator_classes = (Place,)
+
+    return Places
+
+
+@cache
+def _cache_class() -> Any:
+    """Return Numba's cache of one function, made to keep kernels where jit_cache says."""
+    from numba.core.caching import FunctionCache
+
+    class KernelCache(FunctionCache):
+        _impl_class = _places()
+
+        def load_overload(self, *args: Any) -> Any:
+            try:
+                return super().load_overload(*args)
+            except Exception as err:  # a torn file: whatever unpickling makes of it
+                logger.warning("a kept kernel in %s cannot be read and is compiled again: %r",
+                               self.cache_path, err)
+                with suppress(OSError):
+                    self.flush()
+                return None
+
+        def save_overload(self, *args: Any) -> None:
+            try:
+                with _alone_in(self.cache_path):
+                    super().save_overload(*args)
+            except OSError as err:
+                _say_once(f"compiled kernels cannot be kept in {self.cache_path}: {err}")
+
+    return KernelCache
+
+
+@cache
+def _folder_of_module(module: str) -> Path:
+    return folder_of(module, numba.__version__, llvmlite.__version__, np.__version__)
+
+
+def _folder(function: Any) -> Path:
+    return _folder_of_module(function.__module__)
+
+
+@contextmanager
+def _alone_in(folder: str) -> Iterator[None]:
+    """Let one process at a time add to a folder.
+
+    Numba reads its index, picks a number and writes: two processes that compile a function for
+    different types at once would take the same number, and one would later run the other's code.
+    """
+    Path(folder).mkdir(parents=True, exist_ok=True)
+    with (Path(folder) / "lock").open("w") as file:
+        if fcntl is not None:
+            with suppress(OSError):  # a file system without locks
+                fcntl.flock(file, fcntl.LOCK_EX)
+        yield
+
+
+@cache
+def _say_once(text: str) -> None:
+    logger.warning("%s", text)
 
 
 def load_scheduler() -> bool:
@@ -93,6 +176,5 @@ def load_scheduler() -> bool:
 
 
 load_scheduler()
-ensure_cache_folder()
-CLOCK = event.TimingListener()  # time spent compiling; reading a kept kernel does not count
-event.register("numba:compile", CLOCK)
+clocks.append(event.TimingListener())  # time spent compiling; reading a kept kernel does not count
+event.register("numba:compile", clocks[-1])

@@ -164,10 +164,6 @@ class Store:
         write_stage(folder, key, save(result))
         return result
 
-    def has_stage(self, name: str, key: str) -> bool:
-        """Tell whether a stage would be loaded."""
-        return _manifest(self.out / STAGES / name, key) is not None
-
     @contextmanager
     def new_files(self) -> Iterator[Path]:
         """Yield an empty folder; on success its files replace those in OUT one by one.

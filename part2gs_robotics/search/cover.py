@@ -10,14 +10,15 @@ from numpy.typing import NDArray
 
 from part2gs_robotics.evidence.faces import directions
 from part2gs_robotics.evidence.landing import Landing, land
-from part2gs_robotics.evidence.points import farthest
-from part2gs_robotics.evidence.study import FINE_TAU, Evidence
+from part2gs_robotics.evidence.study import FINE_TAU, Study
+from part2gs_robotics.evidence.surfaces import Evidence
 from part2gs_robotics.evidence.surfels import Surfels
 from part2gs_robotics.model import se3
 from part2gs_robotics.model.arrays import F64
+from part2gs_robotics.model.joint import Joint
+from part2gs_robotics.model.points import farthest
 from part2gs_robotics.runtime.side_by_side import side_by_side
-from part2gs_robotics.search.hypothesis import Hypothesis
-from part2gs_robotics.search.patches import search_patch
+from part2gs_robotics.search.patches import Aim, search_patch
 from part2gs_robotics.search.refine import refine
 
 NULL_COST = 0.5  # an evidence point that no motion explains; just above HIDDEN_COST
@@ -29,60 +30,51 @@ LEAST_MOTION = (
 SEARCH_TAU = 0.04  # of the diagonal: the capture range of the coarse grid
 
 
-def propose(
-    evidence: Evidence,
-    lands: tuple[Landing, Landing],
-    box: tuple[F64, F64],
-    seeds: tuple[int, int],
-    rng: np.random.Generator,
-    patch_points: int = PATCH_POINTS,
-    straight: F64 | None = None,
-) -> list[Hypothesis]:
-    """Return refined hypotheses of patches spread over the evidence of both states.
+def propose(study: Study, seeds: tuple[int, int], rng: np.random.Generator,
+            patch_points: int = PATCH_POINTS) -> list[Joint]:
+    """Return refined motions of patches spread over the evidence of both states.
 
     Args:
-        evidence: what left and what arrived.
-        lands: landing grids of both states.
-        box: corners of the object.
+        study: what left and what arrived, and where it may land.
         seeds: patches of state 0 and of state 1.
         rng: picks patches.
         patch_points: surfels of a patch that rank the motions.
-        straight: [E, 3] directions of the object's edges, axes to try beside those of surfaces.
     """
-    diag = float(np.linalg.norm(box[1] - box[0]))
-    tasks: list[Callable[[], list[Hypothesis]]] = []
+    diag = float(np.linalg.norm(study.box[1] - study.box[0]))
+    tasks: list[Callable[[], list[Joint]]] = []
     for state in (1, 0):
-        surfels = evidence.sets[state]
+        surfels = study.evidence.sets[state]
         if len(surfels) < 20:
             continue
-        for i in farthest(surfels.points, seeds[state], rng):
+        for i in farthest(surfels.points, seeds[state], int(rng.integers(len(surfels)))):
             near = np.flatnonzero(
                 ((surfels.points - surfels.points[i]) ** 2).sum(1) < (PATCH_RADIUS * diag) ** 2
             )
             if len(near) < 15:
                 continue
             patch = surfels.select(rng.permutation(near)[:patch_points])
-            axes = directions(lands[0].surfels, patch, rng, known=straight)
+            axes = directions(study.lands[0].surfels, patch, rng,
+                              known=study.straight.directions)
             local = surfels.select(rng.permutation(near)[:400])
-            tasks.append(partial(_motions, patch, local, lands, box, axes, state, straight))
+            tasks.append(partial(_motions, study, patch, local, axes, state))
     return [h for found in side_by_side(tasks) for h in found]
 
 
-def _motions(patch: Surfels, local: Surfels, lands: tuple[Landing, Landing], box: tuple[F64, F64],
-             axes: F64, state: int, straight: F64 | None) -> list[Hypothesis]:
+def _motions(study: Study, patch: Surfels, local: Surfels, axes: F64, state: int) -> list[Joint]:
     """Return the motions of one patch of a state, refined on the evidence around it."""
-    diag = float(np.linalg.norm(box[1] - box[0]))
-    ranked = search_patch(patch, lands[1 - state], axes, box, SEARCH_TAU * diag, state == 0,
-                          straight=straight)
+    diag = float(np.linalg.norm(study.box[1] - study.box[0]))
+    aim = Aim(study.lands[1 - state], study.box, SEARCH_TAU * diag, state == 0)
+    ranked = search_patch(patch, aim, axes, study.straight.directions)
     empty = local.select(np.zeros(0, np.int64))
     sets = (local, empty) if state == 0 else (empty, local)
     taus = SEARCH_TAU * diag, 0.02 * diag
-    return [refine(h, sets, lands, taus, 3) for _, h in spread(ranked, 8, patch.points, state)]
+    return [refine(h, sets, study.lands, taus, 3)
+            for _, h in spread(ranked, 8, patch.points, state)]
 
 
 def spread(
-    ranked: list[tuple[float, Hypothesis]], count: int, points: F64, state: int
-) -> list[tuple[float, Hypothesis]]:
+    ranked: list[tuple[float, Joint]], count: int, points: F64, state: int
+) -> list[tuple[float, Joint]]:
     """Return the best hypotheses that move a patch of a state to different places.
 
     Args:
@@ -91,7 +83,7 @@ def spread(
         points: [N, 3] of the patch.
         state: that the patch is of.
     """
-    out: list[tuple[float, Hypothesis]] = []
+    out: list[tuple[float, Joint]] = []
     places: list[F64] = []
     size = float(np.linalg.norm(np.ptp(points, axis=0)))
     for cost, h in ranked:
@@ -105,7 +97,7 @@ def spread(
 
 
 def explained(
-    h: Hypothesis, evidence: Evidence, lands: tuple[Landing, Landing], tau: float
+    h: Joint, evidence: Evidence, lands: tuple[Landing, Landing], tau: float
 ) -> tuple[F64, F64]:
     """Return what a motion saves per vacated and per arrived surfel, each >= 0."""
     zero, _, _ = land(h.move, evidence.vacated, lands[1], tau)
@@ -114,7 +106,7 @@ def explained(
 
 
 def saved_matrix(
-    found: list[Hypothesis], evidence: Evidence, lands: tuple[Landing, Landing], diag: float
+    found: list[Joint], evidence: Evidence, lands: tuple[Landing, Landing], diag: float
 ) -> F64:
     """Return [H, n] what motions save per evidence surfel; long ways are trusted less."""
     rows = []
@@ -163,13 +155,13 @@ def cover(saved: F64, price: float) -> list[int]:
 
 
 def choose(
-    found: list[Hypothesis],
+    found: list[Joint],
     evidence: Evidence,
     lands: tuple[Landing, Landing],
     diag: float,
     price: float,
     rounds: int = 3,
-) -> list[tuple[Hypothesis, float]]:
+) -> list[tuple[Joint, float]]:
     """Return the chosen motions with the cost of doing without each.
 
     Facility location over the hypotheses; the chosen ones are refined on what they explain and

@@ -1,10 +1,12 @@
-"""Hypothesis search: joint motions that explain what left and what arrived.
+"""Search: motions of one joint that explain what left and what arrived.
 
 A surfel of state 1 has *arrived* where state 0 saw free space, one of state 0 was *vacated*
 where state 1 sees free space; what was never observed says nothing.
 """
 
 from __future__ import annotations
+
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -13,20 +15,22 @@ from part2gs_robotics.evidence.landing import Landing, score_moves, score_turns
 from part2gs_robotics.evidence.surfels import Surfels
 from part2gs_robotics.model import se3
 from part2gs_robotics.model.arrays import F64
-from part2gs_robotics.search.hypothesis import Hypothesis
+from part2gs_robotics.model.joint import Joint
 
 SLIDE_STEP = 0.01  # of the diagonal: half the search tolerance
 TURN_STEP = np.deg2rad(5.0)  # a patch at half a diagonal moves 4 % of the diagonal
 PIVOT_STEP = 0.04  # of the diagonal
 MAX_SLIDE = 0.6  # of the diagonal: longer than any drawer of the object itself
+KEPT = 12  # motions per axis and kind: the next ones land a patch beside the best
 MAX_TURN = np.deg2rad(180.0)
 
 
-def slides(axes: F64, diag: float) -> list[Hypothesis]:
+def slides(axes: F64, diag: float) -> list[Joint]:
     """Return all prismatic hypotheses along the axes, both ways."""
     steps = np.arange(SLIDE_STEP, MAX_SLIDE, SLIDE_STEP) * diag
     return [
-        Hypothesis(0, a, np.zeros(3), float(s * d)) for a in axes for d in steps for s in (1, -1)
+        Joint("prismatic", a, np.zeros(3), float(s * d))
+        for a in axes for d in steps for s in (1, -1)
     ]
 
 
@@ -58,43 +62,50 @@ def turns(axis: F64, lo: F64, hi: F64, diag: float) -> tuple[F64, F64, F64, F64]
     return pivots, angles, rots, pivots[:, None] - np.einsum("aij,pj->pai", rots, pivots)
 
 
-def search_patch(
-    patch: Surfels,
-    target: Landing,
-    axes: F64,
-    box: tuple[F64, F64],
-    tau: float,
-    forward: bool,
-    keep: int = 12,
-    straight: F64 | None = None,
-) -> list[tuple[float, Hypothesis]]:
-    """Return the best motions of one patch as (cost, hypothesis), best first.
+@dataclass(frozen=True)
+class Aim:
+    """What a patch is moved into.
 
-    Args:
-        patch: surfels of the source state.
+    Attributes:
         target: landing grid of the other state.
-        axes: [D, 3] candidate axes.
         box: corners of the object.
         tau: matching distance in scene units.
         forward: True if the patch is of state 0 (moves map 0 to 1), else the inverse is tried.
-        keep: hypotheses kept per axis and kind.
-        straight: [E, 3] those of the axes that edges have.
     """
-    diag = float(np.linalg.norm(box[1] - box[0]))
-    out: list[tuple[float, Hypothesis]] = []
-    flip = 1.0 if forward else -1.0
+
+    target: Landing
+    box: tuple[F64, F64]
+    tau: float
+    forward: bool
+
+
+def search_patch(patch: Surfels, aim: Aim, axes: F64, straight: F64 | None = None,
+                 keep: int = KEPT) -> list[tuple[float, Joint]]:
+    """Return the best motions of one patch with their costs, best first.
+
+    Args:
+        patch: surfels of the source state.
+        aim: where it may land.
+        axes: [D, 3] candidate axes.
+        straight: [E, 3] those of the axes that edges have.
+        keep: motions kept per axis and kind.
+    """
+    diag = float(np.linalg.norm(aim.box[1] - aim.box[0]))
+    out: list[tuple[float, Joint]] = []
+    flip = 1.0 if aim.forward else -1.0
     guesses = slides(axes, diag)
-    costs = score_moves(np.stack([g.move for g in guesses]), patch, target, tau)
+    costs = score_moves(np.stack([g.move for g in guesses]), patch, aim.target, aim.tau)
     for i in np.argsort(costs)[: 2 * keep]:
         g = guesses[i]
-        out.append((float(costs[i]), Hypothesis(0, g.axis, patch.points.mean(0), flip * g.value,
-                                                held=on_edge(g.axis, straight))))
+        slide = Joint("prismatic", g.axis, patch.points.mean(0), flip * g.value,
+                      held=on_edge(g.axis, straight))
+        out.append((float(costs[i]), slide))
     for axis in axes:
         held = on_edge(axis, straight)
-        pivots, angles, rots, shifts = turns(axis, *box, diag)
-        costs = score_turns(rots, shifts, patch, target, tau)
+        pivots, angles, rots, shifts = turns(axis, *aim.box, diag)
+        costs = score_turns(rots, shifts, patch, aim.target, aim.tau)
         for i in np.argsort(costs)[:keep]:
             p, a = divmod(int(i), len(angles))
-            out.append((float(costs[i]), Hypothesis(1, axis, pivots[p], flip * float(angles[a]),
-                                                    held=held)))
+            turn = Joint("revolute", axis, pivots[p], flip * float(angles[a]), held=held)
+            out.append((float(costs[i]), turn))
     return sorted(out, key=lambda pair: pair[0])

@@ -8,8 +8,8 @@ import numpy as np
 
 from part2gs_robotics.config import SearchConfig
 from part2gs_robotics.evidence.study import Study
+from part2gs_robotics.model.joint import Joint
 from part2gs_robotics.search.cover import choose, propose
-from part2gs_robotics.search.hypothesis import Hypothesis
 from part2gs_robotics.search.snap import distinct, slide_families, snapped
 
 logger = logging.getLogger(__name__)
@@ -21,12 +21,11 @@ POOL_TOP = 12  # hypotheses that are also tried on the object's own directions
 
 def find_pool(
     study: Study, rng: np.random.Generator, moved: int, search: SearchConfig
-) -> list[Hypothesis]:
+) -> list[Joint]:
     """Return the motions that compete, refined, and turned onto the object's directions too."""
     first = round(SHARE_0 * search.patches)
     seeds = first, search.patches - first
-    found = propose(study.evidence, study.lands, study.box, seeds, rng, search.patch_points,
-                    study.straight.directions)
+    found = propose(study, seeds, rng, search.patch_points)
     ranked = sorted(
         choose(found, study.evidence, study.lands, study.diag, POOL_PRICE * moved),
         key=lambda p: -p[1],

@@ -10,7 +10,7 @@ from part2gs_robotics.evidence.landing import Landing, land
 from part2gs_robotics.evidence.surfels import Surfels
 from part2gs_robotics.model import se3
 from part2gs_robotics.model.arrays import F64
-from part2gs_robotics.search.hypothesis import SCREW, Hypothesis
+from part2gs_robotics.model.joint import Joint, JointKind
 
 INLIER_COST = 0.45  # HIDDEN_COST: a real surface was met, and better than nothing
 STIFF = 1e9  # of the curvature: a held axis moves by a billionth of a step
@@ -18,23 +18,23 @@ STEPS = 4  # per matching distance; twice as many change nothing across faces
 TANGENT_WEIGHT = 0.15  # flat faces say nothing sideways; colour edges and rims a little
 
 
-def joint_move(kind: int, params: F64) -> F64:
+def joint_move(kind: JointKind, params: F64) -> F64:
     """Return the [4, 4] motion of (axis 3 of any length, origin 3, value 1, slide of a screw 1)."""
     axis = params[:3] / np.linalg.norm(params[:3])
-    if kind:
-        slide = float(params[7]) if kind == SCREW else 0.0
+    if kind != "prismatic":
+        slide = float(params[7]) if kind == "screw" else 0.0
         return se3.screw_motion(axis, params[3:6], float(params[6]), slide)
     return se3.make(np.eye(3), axis * params[6])
 
 
 def refine(
-    guess: Hypothesis,
+    guess: Joint,
     sets: tuple[Surfels, Surfels],
     lands: tuple[Landing, Landing],
     taus: tuple[float, ...],
     steps: int = STEPS,
-) -> Hypothesis:
-    """Return the hypothesis after Gauss-Newton on point-to-plane residuals of both directions.
+) -> Joint:
+    """Return the motion after Gauss-Newton on point-to-plane residuals of both directions.
 
     Args:
         guess: start.
@@ -43,7 +43,7 @@ def refine(
         taus: matching distances in scene units, decreasing.
         steps: Gauss-Newton steps per distance.
     """
-    ends = [guess.value] if guess.kind != SCREW else [guess.value, guess.pitch * guess.value]
+    ends = [guess.value] if guess.kind != "screw" else [guess.value, guess.rise]
     params = np.concatenate([guess.axis, guess.origin, ends])
     carrier = np.eye(4) if guess.carrier is None else guess.carrier
     for tau in taus:
@@ -51,24 +51,24 @@ def refine(
             zero, zero_n, one, one_n = matches(carrier @ joint_move(guess.kind, params), sets,
                                                lands, tau)
             if len(zero) < 12:  # fewer than twice the parameters: nothing to refine on
-                return _hypothesis(guess, params)
+                return _refined(guess, params)
             # Where the carrier would not have moved.
             pairs = zero, zero_n, se3.apply(se3.inverse(carrier), one), one_n @ carrier[:3, :3]
             params = _step(guess.kind, params, pairs, tau, guess.held)
-    return _hypothesis(guess, params)
+    return _refined(guess, params)
 
 
-def misfit(h: Hypothesis, own: tuple[Surfels, Surfels], lands: tuple[Landing, Landing],
+def misfit(h: Joint, own: tuple[Surfels, Surfels], lands: tuple[Landing, Landing],
            tau: float) -> float:
     """Return what it costs to land a part's surfels of both states in the other one."""
     ways = (h.move, own[0], lands[1]), (se3.inverse(h.move), own[1], lands[0])
     return sum(float(land(*way, tau)[0].sum()) for way in ways)
 
 
-def _hypothesis(guess: Hypothesis, params: F64) -> Hypothesis:
+def _refined(guess: Joint, params: F64) -> Joint:
     axis = guess.axis if guess.held else params[:3] / np.linalg.norm(params[:3])
     # A screw that does not turn is a slide, and has no pitch.
-    pitch = float(params[7] / params[6]) if guess.kind == SCREW and params[6] else 0.0
+    pitch = float(params[7] / params[6]) if guess.kind == "screw" and params[6] else 0.0
     return replace(guess, axis=axis, origin=params[3:6].copy(), value=float(params[6]), pitch=pitch)
 
 
@@ -88,11 +88,12 @@ def matches(
     return zero, zero_n, one, one_n
 
 
-def _step(kind: int, params: F64, pairs: tuple[F64, F64, F64, F64], tau: float,
+def _step(kind: JointKind, params: F64, pairs: tuple[F64, F64, F64, F64], tau: float,
           held: bool) -> F64:
     scale = float(np.ptp(pairs[0], axis=0).max()) + 1e-12
     count = len(params)
-    step = np.array([1e-4] * 3 + [1e-4 * scale] * 3 + [1e-4 if kind else 1e-4 * scale])
+    end = 1e-4 * scale if kind == "prismatic" else 1e-4
+    step = np.array([1e-4] * 3 + [1e-4 * scale] * 3 + [end])
     step = np.concatenate([step, np.full(count - 7, 1e-4 * scale)])
 
     def residuals(p: F64) -> F64:

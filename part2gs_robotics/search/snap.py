@@ -14,8 +14,8 @@ from part2gs_robotics.evidence.faces import directions, on_edge
 from part2gs_robotics.evidence.study import Study
 from part2gs_robotics.model import se3
 from part2gs_robotics.model.arrays import F64
+from part2gs_robotics.model.joint import Joint
 from part2gs_robotics.search.cover import cover, saved_matrix
-from part2gs_robotics.search.hypothesis import Hypothesis
 from part2gs_robotics.search.patches import SLIDE_STEP
 
 SLIDE_SNAP = np.deg2rad(40.0)  # a drawer front sliding over itself leaves its direction nearly free
@@ -25,7 +25,7 @@ MAX_FAMILIES = 3  # directions, and those of edges: a cabinet has one, space has
 SAME_MOTION = 0.004  # of the diagonal: half a grid step, within the reach of refinement
 
 
-def snapped(found: list[Hypothesis], study: Study, rng: np.random.Generator) -> list[Hypothesis]:
+def snapped(found: list[Joint], study: Study, rng: np.random.Generator) -> list[Joint]:
     """Return every motion turned onto each nearby dominant direction.
 
     Args:
@@ -34,9 +34,9 @@ def snapped(found: list[Hypothesis], study: Study, rng: np.random.Generator) -> 
         rng: of the direction search.
     """
     axes = _own_directions(study, rng)
-    out: list[Hypothesis] = []
+    out: list[Joint] = []
     for h in found:
-        limit = TURN_SNAP if h.kind else SLIDE_SNAP
+        limit = TURN_SNAP if h.turns else SLIDE_SNAP
         for axis in axes:
             cosine = float(axis @ h.axis)
             if np.cos(limit) < abs(cosine) < 1 - 1e-7:
@@ -52,8 +52,8 @@ def _own_directions(study: Study, rng: np.random.Generator) -> F64:
     return directions(sample, patch, rng, known=study.straight.directions)
 
 
-def slide_families(found: list[Hypothesis], study: Study, price: float,
-                   rng: np.random.Generator) -> list[Hypothesis]:
+def slide_families(found: list[Joint], study: Study, price: float,
+                   rng: np.random.Generator) -> list[Joint]:
     """Return slides along the directions of `found` whose distances together explain most.
 
     Where no patch found a slide, such as of drawers behind doors, the object's own directions are
@@ -67,15 +67,15 @@ def slide_families(found: list[Hypothesis], study: Study, price: float,
     """
     axes: list[F64] = []
     for h in found:
-        if (h.kind == 0 and (h.held or len(axes) < MAX_FAMILIES)
+        if (h.kind == "prismatic" and (h.held or len(axes) < MAX_FAMILIES)
                 and all(abs(h.axis @ a) < np.cos(np.deg2rad(8.0)) for a in axes)):
             axes.append(h.axis)
     axes = axes or list(_own_directions(study, rng))[:MAX_FAMILIES]
     steps = np.arange(2, LONGEST_SLIDE / SLIDE_STEP) * SLIDE_STEP * study.diag
-    out: list[Hypothesis] = []
+    out: list[Joint] = []
     for axis in axes:
         held = on_edge(axis, study.straight.directions)
-        line = [Hypothesis(0, axis, study.box[0], float(s * v), held=held)
+        line = [Joint("prismatic", axis, study.box[0], float(s * v), held=held)
                 for v in steps for s in (1, -1)]
         out += [
             line[c]
@@ -84,11 +84,11 @@ def slide_families(found: list[Hypothesis], study: Study, price: float,
     return out
 
 
-def distinct(found: list[Hypothesis], study: Study) -> list[Hypothesis]:
+def distinct(found: list[Joint], study: Study) -> list[Joint]:
     """Return the motions without those that move the object like an earlier one."""
     lo, hi = study.box
     corners = np.stack(np.meshgrid(*zip(lo, hi, strict=True), indexing="ij"), -1).reshape(-1, 3)
-    out: list[Hypothesis] = []
+    out: list[Joint] = []
     places: list[F64] = []
     for h in found:
         moved = se3.apply(h.move, corners)

@@ -1,4 +1,4 @@
-"""The suite script runs a kit it knows nothing about and writes its numbers into the README."""
+"""The suite script runs a kit it knows nothing about, and writes its numbers into the pages."""
 
 from __future__ import annotations
 
@@ -42,10 +42,14 @@ def suite(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> ModuleType:
     assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
-    (tmp_path / "README.md").write_text(f"above\n{module.BEGIN}\nold\n{module.END}\nbelow\n")
+    begin, end = module.SUMMARY
+    (tmp_path / "results.md").write_text(f"above\n{module.BEGIN}\nold\n{module.END}\nbelow\n")
+    (tmp_path / "README.md").write_text(f"first\n{begin}\nold\n{end}\nlast\n")
     (tmp_path / "kit").mkdir()
     (tmp_path / "kit/suite.py").write_text(KIT)
+    monkeypatch.setattr(module, "PAGE", tmp_path / "results.md")
     monkeypatch.setattr(module, "README", tmp_path / "README.md")
+    monkeypatch.setattr(module, "SHOWN", {"chest": "three drawers", "box": "a lid", "cup": "none"})
     monkeypatch.setattr(module, "RESULTS", tmp_path / "results/suite.json")
     return module
 
@@ -55,12 +59,12 @@ def run(suite: ModuleType, monkeypatch: pytest.MonkeyPatch, *words: str) -> int:
     return suite.main()
 
 
-def test_the_table_reaches_the_readme(
+def test_the_tables_reach_docs_and_readme(
     suite: ModuleType, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     options = ["--objects", "box", "chest", "--cmd", "part2gs-robot --version {scene} {out}"]
     assert run(suite, monkeypatch, "--kit", str(tmp_path / "kit"), *options) == 0
-    text = (tmp_path / "README.md").read_text()
+    text = (tmp_path / "results.md").read_text()
     assert text.startswith("above\n")
     assert text.endswith("below\n")
     assert "old" not in text
@@ -70,9 +74,14 @@ def test_the_table_reaches_the_readme(
     stored = json.loads((tmp_path / "results/suite.json").read_text())
     assert stored["options"] == {"views": 64, "size": 400, "seed": 0}
     assert str(tmp_path) not in json.dumps(stored)  # no paths of the machine
-    (tmp_path / "README.md").write_text(text.replace("| box", "| changed"))
+    short = (tmp_path / "README.md").read_text().splitlines()
+    assert (short[0], short[-1]) == ("first", "last")
+    assert "old" not in short
+    assert short[4:6] == ["| three drawers | 0 of 3 | - | exit 2 | 1 |",
+                          "| a lid | 1 of 1 + 1 extra | 0.12° | pass | 61 |"]
+    (tmp_path / "results.md").write_text(text.replace("| box", "| changed"))
     assert run(suite, monkeypatch) == 0
-    assert (tmp_path / "README.md").read_text() == text
+    assert (tmp_path / "results.md").read_text() == text
 
 
 def test_objects_that_are_not_run_keep_their_rows_and_commits(suite: ModuleType) -> None:
@@ -95,8 +104,3 @@ def test_a_failing_kit_is_not_taken_for_a_result(
     with pytest.raises(subprocess.CalledProcessError):
         run(suite, monkeypatch, "--kit", str(tmp_path / "kit"))
     assert not (tmp_path / "results/suite.json").exists()
-
-
-def test_the_readme_has_both_markers_once(suite: ModuleType) -> None:
-    text = (ROOT / "README.md").read_text()
-    assert text.count(suite.BEGIN) == text.count(suite.END) == 1

@@ -31,6 +31,17 @@ def test_only_given_flags_are_passed_on() -> None:
     assert parse(["build", "scene", "--no-depth"]).flags == {"depth": False}
     assert parse("build s --up 0 -1 0".split()).flags == {"up": (0.0, -1.0, 0.0)}
     assert parse("capture m.xml s --depth --views 32".split()).flags == {"depth": True, "views": 32}
+    assert parse("build s --seed 3 --max-side 99".split()).flags == {"seed": 3, "max_side": 99}
+
+
+def test_a_flag_that_repeats_keeps_every_value_and_any_other_its_last() -> None:
+    call = parse("capture m.xml s --state door=0,1 --views 8 --state lid=0,2 --views 9".split())
+    assert call.flags == {"state": ("door=0,1", "lid=0,2"), "views": 9}
+
+
+def test_the_first_of_several_wrong_flags_is_named() -> None:
+    with pytest.raises(ConfigError, match=r"^--steps is 'x'"):
+        parse("build s --steps x --max-side y".split())
 
 
 def test_every_setting_is_a_flag_of_build() -> None:

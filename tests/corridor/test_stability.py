@@ -12,14 +12,14 @@ from scipy.spatial import cKDTree
 
 from part2gs_robotics.errors import FitError
 from part2gs_robotics.evidence.canonical import canonical_field
-from part2gs_robotics.evidence.points import tree_of
-from part2gs_robotics.fit.adam import BETA1, BETA2, Adam
+from part2gs_robotics.runtime.adam import BETA1, BETA2, Adam
 from part2gs_robotics.fit.fit_state import RATES, FitConfig, FitRun
 from part2gs_robotics.fit.step import gaussians_of, opacity_term
 from part2gs_robotics.fit.tones import tones_of
 from part2gs_robotics.model import se3
 from part2gs_robotics.model.gaussians import Gaussians
 from part2gs_robotics.model.joint import Joint
+from part2gs_robotics.model.points import tree_of
 from part2gs_robotics.paper import losses
 from part2gs_robotics.paper.identity import refine_identities
 from part2gs_robotics.paper.neighbourhood import part_neighbors

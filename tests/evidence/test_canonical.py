@@ -7,8 +7,8 @@ import pytest
 
 from part2gs_robotics.errors import FitError
 from part2gs_robotics.evidence.canonical import canonical_field, motion_richness, richness_weight
-from part2gs_robotics.evidence.points import farthest_point_sample
 from part2gs_robotics.model.gaussians import Gaussians
+from part2gs_robotics.model.points import farthest_point_sample
 from part2gs_robotics.model.se3 import apply, make, rotation_from_rotvec, screw_motion
 from part2gs_robotics.paper.matching import MAX_MATCHES, match_hungarian
 

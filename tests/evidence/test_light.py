@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from part2gs_robotics.decide.cross_render import both_cost, move_gaussians
+from part2gs_robotics.evidence.cross_render import both_cost, move_gaussians
 from part2gs_robotics.evidence.light import Light, light_of, unshaded
 from part2gs_robotics.evidence.surfels import Surfels
 from part2gs_robotics.model import se3

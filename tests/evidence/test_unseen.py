@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from part2gs_robotics.decide.cross_render import both_cost
+from part2gs_robotics.evidence.cross_render import both_cost
 from part2gs_robotics.evidence.study import gather
 from part2gs_robotics.evidence.unseen import LEAST, shares_shown, without_unseen
 from part2gs_robotics.model import se3

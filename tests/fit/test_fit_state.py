@@ -9,7 +9,7 @@ import pytest
 from numpy.typing import NDArray
 
 from part2gs_robotics.errors import FitError
-from part2gs_robotics.fit.adam import Adam
+from part2gs_robotics.runtime.adam import Adam
 from part2gs_robotics.fit.density import Density
 from part2gs_robotics.fit.fit_state import FitConfig, fit_state
 from part2gs_robotics.fit.start import quats_from_normals

@@ -8,6 +8,7 @@ import re
 import shutil
 import subprocess
 import sys
+import tarfile
 import tomllib
 import xml.etree.ElementTree as ET
 import zipfile
@@ -17,6 +18,7 @@ import pytest
 import yaml
 
 import part2gs_robotics
+from part2gs_robotics.runtime.hashing import hash_of_code
 
 ROOT = Path(__file__).resolve().parents[2]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())
@@ -97,30 +99,95 @@ def test_the_readme_names_only_make_targets_that_exist() -> None:
     assert {"demo", "test"} <= named <= targets
 
 
-@pytest.mark.parametrize("folder", ["part2gs_robotics", "exporters", "sim_checks"])
-def test_folders_stay_flat_and_files_short(folder: str) -> None:
-    files = sorted((ROOT / folder).rglob("*.py"))
-    assert files
-    for path in files:
-        assert path.parent == ROOT / folder, f"{path}: a sub-folder needs a line in `packages`"
-        assert len(path.read_text().splitlines()) <= 300, f"{path}: split it by idea"
+# Where each part of the package lies in the repository.
+PLACES = {"part2gs_robotics": "part2gs_robotics", "part2gs_robotics/exporters": "exporters",
+          "part2gs_robotics/sim_checks": "sim_checks"}  # fmt: skip
 
 
-def test_the_wheel_holds_one_package_and_the_ros_files(tmp_path: Path) -> None:
+def sources() -> set[str]:
+    """Return every Python file of the package, by the name it has when installed."""
+    return {f"{name}/{path.relative_to(ROOT / folder).as_posix()}"
+            for name, folder in PLACES.items() for path in (ROOT / folder).rglob("*.py")}
+
+
+def test_every_folder_with_code_is_packaged() -> None:
+    settings = PROJECT["tool"]["setuptools"]
+    folders = {name.rpartition("/")[0].replace("/", ".") for name in sources()}
+    assert sorted(settings["packages"]) == sorted(folders)
+    outside = {name.replace("/", "."): folder for name, folder in PLACES.items() if name != folder}
+    assert settings["package-dir"] == outside
+    for folder in folders:
+        assert f"{folder.replace('.', '/')}/__init__.py" in sources(), f"{folder} has no face"
+
+
+def test_every_file_beside_the_code_is_packaged() -> None:
+    data = {path.relative_to(ROOT).as_posix() for folder in PLACES.values()
+            for path in (ROOT / folder).rglob("*")
+            if path.is_file() and path.suffix != ".py" and "__pycache__" not in path.parts}
+    (package, names), = PROJECT["tool"]["setuptools"]["package-data"].items()
+    assert data == {f"{package}/{name}" for name in names}
+
+
+@pytest.fixture(scope="module")
+def built(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Build the sdist of a clean copy, and the wheel of the unpacked sdist."""
+    folder = tmp_path_factory.mktemp("built")
     ignored = shutil.ignore_patterns(".*", "out", "build", "dist", "*.egg-info", "__pycache__")
-    shutil.copytree(ROOT, tmp_path / "source", ignore=ignored)
+    shutil.copytree(ROOT, folder / "source", ignore=ignored)
+    make = "import sys; from setuptools import build_meta as b; b.build_sdist(sys.argv[1])"
+    subprocess.run([sys.executable, "-c", make, str(folder)], cwd=folder / "source", check=True,
+                   capture_output=True)
+    (sdist,) = folder.glob("*.tar.gz")
     command = [sys.executable, "-m", "pip", "wheel", "-q", "--no-deps", "--no-build-isolation"]
-    subprocess.run([*command, "-w", ".", "./source"], cwd=tmp_path, check=True, capture_output=True)
-    (wheel,) = tmp_path.glob("*.whl")
+    subprocess.run([*command, "-w", ".", str(sdist)], cwd=folder, check=True, capture_output=True)
+    return folder
+
+
+def test_the_sdist_holds_every_room(built: Path) -> None:
+    (sdist,) = built.glob("*.tar.gz")
+    with tarfile.open(sdist) as archive:
+        names = {name.partition("/")[2] for name in archive.getnames()}
+    folders = {name: folder for name, folder in PLACES.items() if name != folder}
+    for name in sources():
+        place = next((f for f in folders if name.startswith(f"{f}/")), None)
+        assert (name if place is None else name.removeprefix("part2gs_robotics/")) in names
+    assert {"part2gs_robotics/measured_terms.json", "package.xml", "setup.py"} <= names
+
+
+def test_the_wheel_holds_one_package_and_the_ros_files(built: Path) -> None:
+    (wheel,) = built.glob("*.whl")
     assert wheel.stat().st_size < 500_000  # Python files alone; scenes and pictures are megabytes
     names = zipfile.ZipFile(wheel).namelist()
     tops = {name.partition("/")[0] for name in names}
     release = f"part2gs_robotics-{part2gs_robotics.__version__}"
     assert tops == {"part2gs_robotics", f"{release}.dist-info", f"{release}.data"}
-    assert "part2gs_robotics/py.typed" in names
-    assert "part2gs_robotics/exporters/__init__.py" in names
+    data = {"part2gs_robotics/py.typed", "part2gs_robotics/measured_terms.json"}
+    assert {name for name in names if name.startswith("part2gs_robotics/")} == sources() | data
     share = f"{release}.data/data/share/part2gs_robotics"
     assert {f"{share}/package.xml", f"{share}/launch/display.launch.py"} <= set(names)
+
+
+def test_the_wheel_runs_outside_of_the_checkout(built: Path, tmp_path: Path) -> None:
+    (wheel,) = built.glob("*.whl")
+    zipfile.ZipFile(wheel).extractall(tmp_path)
+    # The first folder of the path wins over the checkout, which an editable installation adds last.
+    code = ("import sys; sys.path.insert(0, '.')\n"
+            "from importlib import import_module\n"
+            "from pathlib import Path\n"
+            "from pkgutil import walk_packages\n"
+            "import part2gs_robotics as p\n"
+            "for found in walk_packages(p.__path__, 'part2gs_robotics.'):\n"
+            "    if not found.name.endswith('__main__'):\n"
+            "        import_module(found.name)\n"
+            "places = {Path(m.__file__) for n, m in sys.modules.items()\n"
+            "          if n.startswith('part2gs_robotics.')}\n"
+            "assert all(place.is_relative_to(Path.cwd()) for place in places), places\n"
+            "from part2gs_robotics.plan import _measured\n"
+            "assert _measured('alignment')\n"
+            "from part2gs_robotics.runtime.hashing import code_version\n"
+            "print(code_version())")
+    source = {name.partition("/")[2]: built / "source" / folder for name, folder in PLACES.items()}
+    assert python(code, tmp_path) == hash_of_code(source)
 
 
 def test_the_bundled_scene_has_its_licence_and_stays_small() -> None:

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from part2gs_robotics.config import ArticulateConfig
-from part2gs_robotics.decide.cross_render import both_cost
+from part2gs_robotics.evidence.cross_render import both_cost
 from part2gs_robotics.joints import settle as settle_room
-from part2gs_robotics.joints.claim import claim
+from part2gs_robotics.decide.claim import claim
 from part2gs_robotics.joints.settle import VETO, _aligned, _final, _held, settle
 from part2gs_robotics.model.joint import Joint, move_of
 from part2gs_robotics.model.small_views import small_views

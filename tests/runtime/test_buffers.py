@@ -7,6 +7,8 @@ import tracemalloc
 import numpy as np
 import pytest
 
+from part2gs_robotics.model.gaussians import Splats
+from part2gs_robotics.model.scene import Camera
 from part2gs_robotics.render.cpu import Rendered, render, render_backward
 from part2gs_robotics.runtime.buffers import Workspace
 
@@ -14,18 +16,19 @@ COUNT, SIDE = 3000, 96
 INTRINSICS = np.array([[110.0, 0, SIDE / 2], [0, 110.0, SIDE / 2], [0, 0, 1]])
 VIEWMAT = np.eye(4)
 VIEWMAT[2, 3] = 2.0
+CAMERA = Camera(VIEWMAT, INTRINSICS, SIDE, SIDE)
 
 
-def scene(seed: int) -> tuple[np.ndarray, ...]:
+def scene(seed: int) -> Splats:
     rng = np.random.default_rng(seed)
     arrays = (rng.uniform(-0.5, 0.5, (COUNT, 3)), rng.normal(size=(COUNT, 4)),
               rng.uniform(0.01, 0.04, (COUNT, 3)), rng.uniform(0.1, 0.9, COUNT),
               rng.uniform(0, 1, (COUNT, 3)))
-    return tuple(a.astype(np.float32) for a in arrays)
+    return Splats(*(a.astype(np.float32) for a in arrays))
 
 
 def drawn(seed: int, workspace: Workspace | None) -> Rendered:
-    return render(*scene(seed), VIEWMAT, INTRINSICS, SIDE, SIDE, workspace=workspace)
+    return render(scene(seed), CAMERA, workspace=workspace)
 
 
 def test_results_are_those_of_fresh_buffers() -> None:
@@ -55,10 +58,10 @@ def test_lists_of_pairs_grow_to_what_is_asked_for() -> None:
 
 def test_nothing_is_allocated_once_the_buffers_have_grown() -> None:
     work, d_color = Workspace(), np.ones((SIDE, SIDE, 3), np.float32)
-    arrays = scene(0)
+    splats = scene(0)
 
     def step() -> None:
-        rendered = render(*arrays, VIEWMAT, INTRINSICS, SIDE, SIDE, workspace=work)
+        rendered = render(splats, CAMERA, workspace=work)
         render_backward(rendered, d_color)
 
     step()

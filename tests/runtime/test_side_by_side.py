@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+from dataclasses import replace
 from functools import partial
 
 import numba
@@ -11,12 +12,10 @@ import pytest
 
 from part2gs_robotics.decide.judge import Judge
 from part2gs_robotics.joints.align import FINE, _systems
-from part2gs_robotics.joints.align_steps import at
-from part2gs_robotics.model.joint import Joint
+from part2gs_robotics.joints.solver import at
 from part2gs_robotics.model.small_views import small_views
 from part2gs_robotics.runtime.device import current_device, rendering_on
 from part2gs_robotics.runtime.side_by_side import SAFE, _layer, side_by_side
-from part2gs_robotics.search.hypothesis import Hypothesis
 
 two_threads = pytest.mark.skipif(numba.config.NUMBA_NUM_THREADS < 2, reason="one core")
 
@@ -89,9 +88,9 @@ def test_what_goes_wrong_in_a_task_is_raised(threads):
 def test_a_decision_and_an_alignment_are_the_same_bits_on_one_thread_and_on_two(
         look_alikes, threads):
     study, truth = look_alikes.study, look_alikes.truth
-    sets = [[h, Hypothesis(0, h.axis, h.origin, way)] for h in truth for way in (0.1, 0.24, 0.31)]
+    sets = [[h, replace(h, value=way)] for h in truth for way in (0.1, 0.24, 0.31)]
     views = tuple(small_views(s, 8, 56) for s in look_alikes.scene.states)
-    poses = [at(Joint("prismatic", h.axis, h.origin, 0.97 * h.value), study.diag) for h in truth]
+    poses = [at(replace(h, value=0.97 * h.value), study.diag) for h in truth]
     found = []
     for count in (1, 2):
         threads(count)

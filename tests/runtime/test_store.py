@@ -133,7 +133,7 @@ def test_atomic_write_keeps_the_old_file_when_it_fails(
 WRITER = """
 import sys
 from pathlib import Path
-from part2gs_robotics.store import write_bytes_atomic
+from part2gs_robotics.runtime.store import write_bytes_atomic
 sys.stdout.write("ready\\n"); sys.stdout.flush()
 for n in range(10**9):
     write_bytes_atomic(Path(sys.argv[1]), bytes([n % 256]) * 1_000_000)
@@ -171,7 +171,7 @@ def test_kill_during_writing_never_tears_a_file(tmp_path: Path) -> None:
 HOLDER = """
 import sys, time
 from pathlib import Path
-from part2gs_robotics.store import Store
+from part2gs_robotics.runtime.store import Store
 store = Store(Path(sys.argv[1])); store.prepare()
 with store.locked():
     sys.stdout.write("locked\\n"); sys.stdout.flush()

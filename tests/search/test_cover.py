@@ -7,9 +7,9 @@ from itertools import combinations
 import numpy as np
 import pytest
 
-from part2gs_robotics.evidence.points import farthest
 from part2gs_robotics.evidence.study import Evidence
 from part2gs_robotics.model import se3
+from part2gs_robotics.model.points import farthest
 from part2gs_robotics.search.cover import NULL_COST, choose, cover, explained, saved_matrix
 from part2gs_robotics.search.hypothesis import Hypothesis
 

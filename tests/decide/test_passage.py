@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from part2gs_robotics.joints.passage import PASS_COST, passage_costs
+from part2gs_robotics.decide.passage import PASS_COST, passage_costs
 from part2gs_robotics.model.joint import Joint
 
 CELL = 0.01
@@ -85,7 +85,7 @@ def test_parts_that_really_cross_say_nothing(monkeypatch) -> None:
     owner = np.repeat([1, 2, -2], [len(leaf), len(front), len(rim)])
     costs = costs_of((points, normals, late, owner, [door, drawer]))
     assert costs[:, 2].max() == 0.0
-    monkeypatch.setattr("part2gs_robotics.joints.passage.REAL", 2.0)  # were nothing a real crossing
+    monkeypatch.setattr("part2gs_robotics.decide.passage.REAL", 2.0)  # were nothing a real crossing
     charged = costs_of((points, normals, late, owner, [door, drawer]))
     assert charged[:, 2].min() == PASS_COST
 

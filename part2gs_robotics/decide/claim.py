@@ -11,15 +11,15 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import dijkstra
 
+from part2gs_robotics.decide.candidate import Candidate
 from part2gs_robotics.decide.judge import Judge
 from part2gs_robotics.decide.labelling import FOREIGN_COST, NEUTRAL_COST, Unary, label, unary_costs
+from part2gs_robotics.decide.passage import PASS_COST, Seen, passage_costs
+from part2gs_robotics.decide.surrounded import joined
 from part2gs_robotics.evidence.graph import Graph
 from part2gs_robotics.evidence.study import Study
-from part2gs_robotics.joints.passage import PASS_COST, passage_costs
-from part2gs_robotics.joints.surrounded import joined
 from part2gs_robotics.model import se3
 from part2gs_robotics.model.arrays import F64, Labels
-from part2gs_robotics.model.joint import Joint, move_of
 
 PROVEN = 0.25  # landing cost: a fair match, well below an unobserved place
 MARGIN = 0.1  # that every other label costs more
@@ -35,18 +35,16 @@ FAR_COST = 0.15  # half of what an unobserved place costs: breaks ties, outvotes
 ROUNDS = 2  # of proving and labelling; a third changes less than 0.1 % of the labels
 
 
-def claim(judge: Judge, joints: list[Joint], hard: Labels,
-          stays: float = 0.0) -> tuple[Labels, F64]:
+def claim(judge: Judge, found: Candidate, stays: float = 0.0) -> tuple[Labels, F64]:
     """Return labels [N0 + N1] and costs [N0 + N1, K+1] with unobserved surfels claimed by reach.
 
     Args:
         judge: of the study.
-        joints: of parts 1..K.
-        hard: [N0 + N1] labels to start from.
+        found: motions, and labels to start from.
         stays: diagonals by which a moving part must be nearer than the base to claim a surfel.
     """
-    study = judge.study
-    moves = [np.eye(4), *(move_of(j) for j in joints)]
+    study, hard = judge.study, found.labels
+    moves = [np.eye(4), *(j.state1_from_0 for j in found.motions)]
     unary = unary_costs(moves, study.surfels, judge.lands, study.tau)
     extra = np.zeros_like(unary.match)
     for turn in range(ROUNDS):
@@ -56,10 +54,10 @@ def claim(judge: Judge, joints: list[Joint], hard: Labels,
         # Once joints are final (used before, it cost a table's draft a drawer), and once ways have
         # told parts apart that hide it alike.
         if turn and stays:
-            slides = np.array([False, *(j.kind == "prismatic" for j in joints)])
+            slides = np.array([False, *(j.kind == "prismatic" for j in found.motions)])
             cores |= _cores(_gone(costs, extra, hard) & slides, study.graph)
         extra = _far(cores, study.ways, study.diag, stays)
-        extra += _passing(study, costs, proofs, joints)
+        extra += _passing(study, costs, proofs, found)
         hard, _ = label(Unary(unary.match, unary.target, unary.miss, extra), study.graph)
     normals = np.concatenate([s.normals for s in study.surfels])
     hard = joined(hard, unary, study.graph, normals, _carried_by(study, moves),
@@ -76,7 +74,7 @@ def _carried_by(study: Study, moves: list[F64]) -> F64:
         for s, there in zip(study.surfels, (moves, back), strict=True)]) / study.diag
 
 
-def _passing(study: Study, costs: F64, proofs: NDArray[np.bool_], joints: list[Joint]) -> F64:
+def _passing(study: Study, costs: F64, proofs: NDArray[np.bool_], found: Candidate) -> F64:
     """Return [N, L] cost of passing through other parts, where that could change a label."""
     least = np.partition(costs, 1, axis=1)
     asked = np.flatnonzero(least[:, 1] - least[:, 0] < PASS_COST + FAR_COST)
@@ -84,7 +82,8 @@ def _passing(study: Study, costs: F64, proofs: NDArray[np.bool_], joints: list[J
                        for name in ("points", "normals"))
     late = np.arange(len(points)) >= len(study.surfels[0])
     out = np.zeros_like(costs)
-    out[asked] = passage_costs(points, normals, late, proofs, asked, joints, study.lands[0].voxel)
+    seen = Seen(points, normals, late, proofs)
+    out[asked] = passage_costs(seen, asked, found.motions, found.parents, study.lands[0].voxel)
     out[costs[:, 0] < PROVEN, 0] = 0.0  # seen in one place in both states: nothing passed there
     return out
 

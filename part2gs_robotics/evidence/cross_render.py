@@ -6,6 +6,7 @@ joint makes them look more like what the cameras saw in the other state.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -15,7 +16,7 @@ from numpy.typing import NDArray
 from part2gs_robotics.evidence.light import Light
 from part2gs_robotics.model import se3
 from part2gs_robotics.model.arrays import F64
-from part2gs_robotics.model.gaussians import Gaussians
+from part2gs_robotics.model.gaussians import Gaussians, Splats
 from part2gs_robotics.model.small_views import SmallViews
 from part2gs_robotics.render.dispatch import render
 from part2gs_robotics.runtime.buffers import Workspace
@@ -31,10 +32,8 @@ FAR_SIDE_COST = 0.1
 BEHIND = 0.1, 0.3  # cosines between which a face is seen from behind: normals are off by degrees
 
 
-def move_gaussians(
-    gaussians: Gaussians, labels: NDArray[np.int64], moves: list[F64]
-) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """Return means [N, 3] and quats [N, 4] with every Gaussian moved by its label's motion."""
+def move_gaussians(gaussians: Gaussians, labels: NDArray[np.int64], moves: list[F64]) -> Splats:
+    """Return the Gaussians as they are drawn, each moved by its label's motion [4, 4]."""
     means, quats = gaussians.means.copy(), gaussians.quats.copy()
     for k, move in enumerate(moves):
         own = labels == k
@@ -43,7 +42,8 @@ def move_gaussians(
             quats[own] = se3.quat_multiply(
                 se3.quat_from_rotation(move[:3, :3]), gaussians.quats[own]
             )
-    return means.astype(np.float32), quats.astype(np.float32)
+    return Splats(means.astype(np.float32), quats.astype(np.float32), gaussians.scales,
+                  gaussians.opacities, gaussians.colors)
 
 
 def cross_cost(
@@ -61,23 +61,20 @@ def cross_cost(
         normals: [N, 3] of the side that the source state saw, where they have moved to; the colour
             of another side is not compared. None = every side was seen.
     """
-    means, quats = move_gaussians(source, labels, moves)
-    colors = source.colors if colors is None else colors
-    arrays = (means, quats, source.scales, source.opacities, colors)
+    moved = move_gaussians(source, labels, moves)
+    moved = moved if colors is None else replace(moved, colors=colors)
     total, work = 0.0, Workspace()
-    for v in range(len(views.colors)):
-        height, width = views.alphas[v].shape
-        behind = None if normals is None else _behind(means, normals, views.viewmats[v])
-        out = render(*arrays, views.viewmats[v], views.Ks[v], width, height, extra=behind,
-                     workspace=work)
+    for v in range(len(views)):
+        behind = None if normals is None else _behind(moved.means, normals, views.viewmats[v])
+        out = render(moved, views.camera(v), extra=behind, workspace=work)
         far = np.zeros_like(out.alpha) if behind is None else out.extra[..., 0]
-        rows = np.zeros(height)
+        rows = np.zeros(len(out.alpha))
         _row_costs(out.color, out.alpha, far, views.colors[v], views.alphas[v], rows)
         total += float(rows.sum())
     return total / max(float(views.alphas.sum()), 1.0)
 
 
-def _behind(means: NDArray[np.float32], normals: F64, view: F64) -> NDArray[np.float32]:
+def _behind(means: Floats, normals: F64, view: F64) -> NDArray[np.float32]:
     """Return [N, 1] 0..1, how far a camera sees Gaussians from behind."""
     out = np.zeros((len(means), 1), np.float32)
     _fill_behind(means, normals, -view[:3, :3].T @ view[:3, 3], *BEHIND, out)

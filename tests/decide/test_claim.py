@@ -11,7 +11,7 @@ from scipy.sparse import csr_matrix
 from part2gs_robotics.decide.labelling import FOREIGN_COST, NEUTRAL_COST, Unary
 from part2gs_robotics.evidence.graph import Graph, ways_along
 from part2gs_robotics.joints import claim as reach
-from part2gs_robotics.joints.claim import (
+from part2gs_robotics.decide.claim import (
     FAR_COST,
     LEAD,
     PROVEN,

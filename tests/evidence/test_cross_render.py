@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from part2gs_robotics.decide.cross_render import (
+from part2gs_robotics.evidence.cross_render import (
     FAR_SIDE_COST,
     both_cost,
     cross_cost,

@@ -1,4 +1,4 @@
-"""Adam for Gaussians: one fused pass per parameter array, rows can be added and removed."""
+"""Adam: one fused pass per parameter array; rows can be added and removed."""
 
 from __future__ import annotations
 
@@ -8,36 +8,38 @@ import numpy as np
 from numba import prange
 from numpy.typing import NDArray
 
-from part2gs_robotics.model.arrays import F32
 from part2gs_robotics.runtime.jit import parallel_kernel
 
 Floats = NDArray[np.floating]
+Arrays = dict[str, Floats]
 
-# 3DGS: a tiny epsilon, because the gradients of means are far below 1e-8 in small scenes.
-EPS = 1e-15
-BETA1, BETA2 = 0.9, 0.999
 LARGEST = 1e18  # of a gradient: its square fits float32, infinite moments would stay so
 
 
 @dataclass
 class Adam:
-    """Moments of several parameter arrays whose first axis is the Gaussian.
+    """Moments of several parameter arrays, whose first axis may grow and shrink.
 
     Attributes:
         rates: learning rate of each array.
+        epsilon: added to the root of the mean square, in units of the gradient.
+        betas: how much of the running means is kept in a step.
         first, second: running means of the gradient and of its square, as the arrays.
         steps: updates done; a row added later shares the count and takes larger first steps.
 
     By Cauchy-Schwarz |m| <= sqrt(v) (1 - b1) / sqrt((1 - b2) (1 - b1^2 / b2)), and the bias terms
-    never add to it: no step exceeds 7.27 rates, whatever the gradients and whenever a row came.
+    never add to it: with the usual betas no step exceeds 7.27 rates, whatever the gradients and
+    whenever a row came.
     """
 
     rates: dict[str, float]
-    first: dict[str, F32] = field(default_factory=dict)
-    second: dict[str, F32] = field(default_factory=dict)
+    epsilon: float = 1e-15  # 3DGS: the gradients of means are far below 1e-8 in small scenes
+    betas: tuple[float, float] = (0.9, 0.999)
+    first: Arrays = field(default_factory=dict)
+    second: Arrays = field(default_factory=dict)
     steps: int = 0
 
-    def step(self, params: dict[str, F32], grads: dict[str, F32]) -> None:
+    def step(self, params: Arrays, grads: Arrays) -> None:
         """Update `params` in place.
 
         Equation: m = b1 m + (1 - b1) g; v = b2 v + (1 - b2) g^2;
@@ -45,15 +47,16 @@ class Adam:
         Source: Kingma and Ba 2015, algorithm 1.
         """
         self.steps += 1
-        fix1, fix2 = 1 - BETA1**self.steps, 1 - BETA2**self.steps
+        one, two = self.betas
+        fix1, fix2 = 1 - one**self.steps, 1 - two**self.steps
         for name, grad in grads.items():
             value = params[name]
             if name not in self.first:
                 self.first[name] = np.zeros_like(value)
                 self.second[name] = np.zeros_like(value)
             _update(value.reshape(-1), grad.reshape(-1), self.first[name].reshape(-1),
-                    self.second[name].reshape(-1), self.rates[name] / fix1,
-                    1 / fix2**0.5)
+                    self.second[name].reshape(-1), self.rates[name] / fix1, 1 / fix2**0.5,
+                    1 - one, 1 - two, self.epsilon)
 
     def select(self, index: NDArray[np.bool_] | NDArray[np.int64]) -> None:
         """Keep the moments of the rows picked by a mask or by indices."""
@@ -71,7 +74,7 @@ class Adam:
 
 @parallel_kernel
 def _update(value: Floats, grad: Floats, first: Floats, second: Floats, rate: float,
-            root: float) -> None:
+            root: float, new1: float, new2: float, epsilon: float) -> None:
     limit = grad.dtype.type(LARGEST)
     for i in prange(value.size):
         g = grad[i]
@@ -79,7 +82,7 @@ def _update(value: Floats, grad: Floats, first: Floats, second: Floats, rate: fl
             g = limit
         elif g < -limit:
             g = -limit
-        m = first[i] + (1 - BETA1) * (g - first[i])
-        v = second[i] + (1 - BETA2) * (g * g - second[i])
+        m = first[i] + new1 * (g - first[i])
+        v = second[i] + new2 * (g * g - second[i])
         first[i], second[i] = m, v
-        value[i] -= rate * m / (np.sqrt(v) * root + EPS)
+        value[i] -= rate * m / (np.sqrt(v) * root + epsilon)

@@ -7,7 +7,7 @@ import pytest
 
 from part2gs_robotics.decide.labelling import Unary
 from part2gs_robotics.evidence.graph import Graph
-from part2gs_robotics.joints.surrounded import GONE, TIE, joined
+from part2gs_robotics.decide.surrounded import GONE, TIE, joined
 
 RIM = 6  # surfels of a face that touch the next one
 CREASE = 0.2

@@ -6,6 +6,8 @@ drawer above. Pulled out with that one, it would pass through the front of its o
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import dataclass
 from itertools import permutations
 
 import numba
@@ -14,7 +16,7 @@ from numpy.typing import NDArray
 
 from part2gs_robotics.model.arrays import F64, Mask
 from part2gs_robotics.model.grid import Grid, index_move
-from part2gs_robotics.model.joint import Joint, move_of
+from part2gs_robotics.model.joint import Joint
 from part2gs_robotics.model.kinematics import sweep
 from part2gs_robotics.model.se3 import inverse
 from part2gs_robotics.runtime.jit import parallel_kernel
@@ -27,27 +29,40 @@ STEP = 2.0  # cells between poses: fewer than the layer behind a surface is thic
 MARGIN = 0.1  # of the box around all surfels: what a part sweeps beyond meets nothing
 
 
-def passage_costs(points: F64, normals: F64, late: Mask, proofs: Mask, asked: NDArray[np.int64],
-                  joints: list[Joint], cell: float) -> F64:
+@dataclass(frozen=True)
+class Seen:
+    """All surfels of both states, each in its own state.
+
+    Attributes:
+        points: [N, 3].
+        normals: [N, 3] outward.
+        late: [N] which surfels are of state 1.
+        proofs: [N, K+1] which surfels surely have a label.
+    """
+
+    points: F64
+    normals: F64
+    late: Mask
+    proofs: Mask
+
+
+def passage_costs(seen: Seen, asked: NDArray[np.int64], joints: Sequence[Joint],
+                  parents: Sequence[int], cell: float) -> F64:
     """Return [M, K+1] what passing through other parts costs surfels under every label.
 
     Args:
-        points: [N, 3] of all surfels, each in its own state.
-        normals: [N, 3] outward.
-        late: [N] which surfels are of state 1.
-        proofs: [N, K+1] surfels that surely have a label.
+        seen: all surfels.
         asked: [M] rows of the surfels asked about.
         joints: of parts 1..K, carriers' motions within.
+        parents: part that carries each, 0 = base.
         cell: size of a surfel, scene units.
     """
-    labels = range(len(joints) + 1)
-    parents = _parents(joints)
-    grid = _around(points, cell)
-    placed = [_at_0(points, normals, late, move_of(joints[k - 1]) if k else np.eye(4))
-              for k in labels]
+    labels, proofs = range(len(joints) + 1), seen.proofs
+    grid = _around(seen.points, cell)
+    placed = [_at_0(seen, joints[k - 1].state1_from_0 if k else np.eye(4)) for k in labels]
     layers = {k: _layer(placed[k][0][proofs[:, k]], placed[k][1][proofs[:, k]], grid)
               for k in labels if k}
-    corners = _corners(points)
+    corners = _corners(seen.points)
     hits = np.zeros((len(asked), len(joints) + 1), bool)
     for k, other in permutations(labels, 2):
         if not other or not proofs[:, other].any():  # whatever stands still was seen twice
@@ -58,17 +73,6 @@ def passage_costs(points: F64, normals: F64, late: Mask, proofs: Mask, asked: ND
         if not k or len(own) == 0 or _meets(own, moves, layers[other]).mean() < REAL:
             hits[:, k] |= _meets(placed[k][0][asked], moves, layers[other])
     return PASS_COST * (hits - hits.min(1, keepdims=True).astype(float))
-
-
-def _parents(joints: list[Joint]) -> list[int]:
-    """Return the part that carries each part: the one whose motion its joint knows."""
-    moves = [move_of(j) for j in joints]
-    out = []
-    for joint in joints:
-        gaps = [np.inf if joint.carrier is None else float(np.abs(m - joint.carrier).max())
-                for m in moves]
-        out.append(1 + int(np.argmin(gaps)) if joint.carrier is not None else 0)
-    return out
 
 
 def _around(points: F64, cell: float) -> Grid:
@@ -83,12 +87,12 @@ def _corners(points: F64) -> F64:
     return np.where(pick, ends[1], ends[0])
 
 
-def _at_0(points: F64, normals: F64, late: Mask, move: F64) -> tuple[F64, F64]:
+def _at_0(seen: Seen, move: F64) -> tuple[F64, F64]:
     """Return points and normals where a motion puts them at state 0."""
     back = inverse(move)
     turn, shift = back[:3, :3], back[:3, 3]
-    return (np.where(late[:, None], points @ turn.T + shift, points),
-            np.where(late[:, None], normals @ turn.T, normals))
+    return (np.where(seen.late[:, None], seen.points @ turn.T + shift, seen.points),
+            np.where(seen.late[:, None], seen.normals @ turn.T, seen.normals))
 
 
 def _layer(points: F64, normals: F64, grid: Grid) -> Mask:
