@@ -28,6 +28,7 @@ from ablation_variants import AVERAGED, variants
 from part2gs_robotics.articulate import Clock, found_motions, settled_motion
 from part2gs_robotics.config import ArticulateConfig, FitConfig, ReadConfig
 from part2gs_robotics.errors import Part2GSError
+from part2gs_robotics.evidence.canonical import canonical
 from part2gs_robotics.fit.fit_state import fit_state
 from part2gs_robotics.model.gaussians import Gaussians
 from part2gs_robotics.model.scene import Scene
@@ -112,13 +113,14 @@ def run_seed(kit: ModuleType, path: Path, folder: Path, seed: int) -> None:
         frame = frame_of(scene)  # as a build does: rooms work in internal units
         scene = internal(scene, frame)
         gaussians = fits(scene, store, seed)
-        study, verdict, _ = found_motions(scene, gaussians, ArticulateConfig(seed=seed))
+        both = canonical(scene, gaussians)
+        decided = found_motions(both, ArticulateConfig(seed=seed))
         placed = (gaussians_in_scene(gaussians[0], frame), gaussians_in_scene(gaussians[1], frame))
-        say(path.name, seed, f"{len(verdict.motions)} motions", time.monotonic() - began)
+        say(path.name, seed, f"{len(decided.candidate)} motions", time.monotonic() - began)
         truth = kit.GroundTruth(Path(f"{path}.gt"))
         for name in missing:
             began = time.monotonic()
-            motion = settled_motion(scene, study, verdict, wanted[name], Clock(None))
+            motion = settled_motion(both.scene, replace(decided, clock=Clock(None)), wanted[name])
             seconds = time.monotonic() - began
             surface = averaged(placed) if name == AVERAGED else (placed, (0, 1))
             joints = tuple(joint_in_scene(joint, frame) for joint in motion.joints)

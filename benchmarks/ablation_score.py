@@ -14,9 +14,9 @@ from types import ModuleType
 from typing import Any
 
 import numpy as np
+from averaged_field import canonical_field
 from numpy.typing import NDArray
 
-from part2gs_robotics.evidence.canonical import canonical_field
 from part2gs_robotics.model import se3
 from part2gs_robotics.model.gaussians import Gaussians
 from part2gs_robotics.model.kinematics import part_motions

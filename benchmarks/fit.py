@@ -29,8 +29,7 @@ def depth_error(state: StateViews, result: FitResult) -> dict[str, float]:
         return {}
     g, errors = result.gaussians, []
     for view in np.flatnonzero(state.held_out):
-        drawn = render(g.means, g.quats, g.scales, g.opacities, g.colors, state.viewmats[view],
-                       state.Ks[view], state.width, state.height)
+        drawn = render(g.splats, state.camera(view))
         truth = state.depths[view]
         both = (truth > 0) & (state.alphas[view] == 255) & (drawn.median_depth > 0)
         errors.append(np.abs(drawn.median_depth - truth)[both])

@@ -24,10 +24,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from part2gs_robotics.evidence.cross_render import move_gaussians
-from part2gs_robotics.joints.align import align
+from part2gs_robotics.joints.align import AlignmentProblem, align
 from part2gs_robotics.model import se3
 from part2gs_robotics.model.gaussians import SH_C0, Gaussians
-from part2gs_robotics.model.joint import Joint, move_of
+from part2gs_robotics.model.joint import Joint
+from part2gs_robotics.model.scene import Camera
 from part2gs_robotics.model.small_views import SmallViews
 from part2gs_robotics.render.dispatch import render
 from part2gs_robotics.runtime.buffers import Workspace
@@ -143,14 +144,15 @@ def draw(kind: str, rng: np.random.Generator, count: int = 8, side: int = 72) ->
     zero = moved(both, np.ones(len(both), np.int64), place)
     centre = se3.apply(place, 0.5 * size)
     eyes = [cameras(count, side, centre, 1.1 * diag, random_rotation(rng)) for _ in range(2)]
-    return Draw(truth, wrong(truth, diag, rng), (zero, moved(zero, labels, move_of(truth))), labels,
+    one = moved(zero, labels, truth.state1_from_0)
+    return Draw(truth, wrong(truth, diag, rng), (zero, one), labels,
                 (eyes[0][0], eyes[1][0]), (eyes[0][1], eyes[1][1]), side, diag)
 
 
 def moved(gaussians: Gaussians, labels: I64, move: F64) -> Gaussians:
     """Return the Gaussians with those of label 1 moved."""
-    means, quats = move_gaussians(gaussians, labels, [np.eye(4), move])
-    return replace(gaussians, means=means, quats=quats)
+    there = move_gaussians(gaussians, labels, [np.eye(4), move])
+    return replace(gaussians, means=there.means, quats=there.quats)
 
 
 def wrong(truth: Joint, diag: float, rng: np.random.Generator) -> Joint:
@@ -169,10 +171,9 @@ def photos(d: Draw, grey: float, rng: np.random.Generator) -> tuple[SmallViews, 
     """Return images of both states, with noise of `grey` levels in every colour of the object."""
     out, work = [], Workspace()
     for g, Ks, viewmats in zip(d.gaussians, d.Ks, d.viewmats, strict=True):
-        arrays = g.means, g.quats, g.scales, g.opacities, g.colors
         colors, alphas = [], []
         for K, view in zip(Ks, viewmats, strict=True):
-            image = render(*arrays, view, K, d.side, d.side, workspace=work)
+            image = render(g.splats, Camera(view, K, d.side, d.side), workspace=work)
             noise = grey * GREY * rng.normal(size=image.color.shape) * image.alpha[..., None]
             colors.append((image.color + noise).astype(np.float32))
             alphas.append(image.alpha.copy())
@@ -201,7 +202,7 @@ def errors(found: Joint, truth: Joint) -> dict[str, float]:
                                  found.axis @ truth.axis)),
         "origin": float("nan") if truth.kind == "prismatic" else float(np.linalg.norm(off)),
         "value": abs(found.value - truth.value),
-        "rise": abs(found.pitch * found.value - truth.pitch * truth.value)
+        "rise": abs(found.rise - truth.rise)
         if truth.kind == "screw" else float("nan"),
     }
 
@@ -216,7 +217,7 @@ def trial(kind: str, condition: str, seed: int, grey: float = 3.0, count: int = 
     if condition == "geometry":
         pair = bent(pair[0], d.labels, d.diag, rng), bent(pair[1], d.labels, d.diag, rng)
     start = time.perf_counter()
-    found, = align(pair, (d.labels, d.labels), [d.start], views, d.diag)
+    found, = align(AlignmentProblem(pair, (d.labels, d.labels), views, d.diag), [d.start])
     return errors(found, d.truth), found, time.perf_counter() - start
 
 

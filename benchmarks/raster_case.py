@@ -12,12 +12,14 @@ import raster_naive
 from numpy.typing import NDArray
 from raster_machine import fma_peak
 from raster_pairs import FLOP_PER_PAIR, bytes_moved, evaluated_pairs, naive_pairs, tile_pairs
-from raster_scene import Cloud, box_surface, corner_view, gaussians_of, intrinsics, photos
+from raster_scene import box_surface, camera, corner_view, gaussians_of, photos
 
 from part2gs_robotics.config import FitConfig
 from part2gs_robotics.fit.fit_state import FitRun
 from part2gs_robotics.fit.tones import tones_of
+from part2gs_robotics.model.gaussians import Splats
 from part2gs_robotics.render import cpu as render_cpu
+from part2gs_robotics.runtime.buffers import Workspace
 
 F64 = NDArray[np.float64]
 Row = dict[str, Any]
@@ -26,26 +28,25 @@ Pass = Callable[[], tuple[float, float]]  # draws once; seconds forward and back
 FIRST_STEP = 1  # of the timed iterations; the first prune and split is at 50, runs are fewer
 
 
-def our_pass(cloud: Cloud, viewmats: F64, side: int) -> Pass:
+def our_pass(cloud: Splats, viewmats: F64, side: int) -> Pass:
     """Return what draws all views forward and backward with our kernel."""
-    workspace = render_cpu.Workspace()
-    return _pass(render_cpu, cloud, viewmats, side, {"workspace": workspace})
+    return _pass(render_cpu, cloud, viewmats, side, {"workspace": Workspace()})
 
 
-def naive_pass(cloud: Cloud, viewmats: F64, side: int) -> Pass:
+def naive_pass(cloud: Splats, viewmats: F64, side: int) -> Pass:
     """Return what draws all views forward and backward with the yardstick."""
     return _pass(raster_naive, cloud, viewmats, side, {})
 
 
-def _pass(kernel: ModuleType, cloud: Cloud, viewmats: F64, side: int, more: Row) -> Pass:
+def _pass(kernel: ModuleType, cloud: Splats, viewmats: F64, side: int, more: Row) -> Pass:
     d_color = np.random.default_rng(1).normal(size=(side, side, 3)).astype(np.float32)
-    K = intrinsics(side)
+    cameras = [camera(viewmat, side) for viewmat in viewmats]
 
     def once() -> tuple[float, float]:
         forward = backward = 0.0
-        for viewmat in viewmats:
+        for eye in cameras:
             start = time.perf_counter()
-            rendered = kernel.render(*cloud, viewmat, K, side, side, **more)
+            rendered = kernel.render(cloud, eye, **more)
             middle = time.perf_counter()
             kernel.render_backward(rendered, d_color)
             backward += time.perf_counter() - middle
@@ -55,7 +56,7 @@ def _pass(kernel: ModuleType, cloud: Cloud, viewmats: F64, side: int, more: Row)
     return once
 
 
-def iteration(cloud: Cloud, side: int) -> Callable[[], float]:
+def iteration(cloud: Splats, side: int) -> Callable[[], float]:
     """Return what runs one training iteration at full size and returns its seconds.
 
     A whole step of the fit: target, image, losses, gradients, Adam, tests for finite numbers.
@@ -107,14 +108,14 @@ def measure(count: int, side: int, runs: int) -> Row:
             "spread": {name: spread(values) for name, values in (series | totals).items()}}
 
 
-def _counted(cloud: Cloud, view: F64, side: int) -> Row:
+def _counted(cloud: Splats, view: F64, side: int) -> Row:
     """Return numbers of pairs and bytes; they do not depend on time."""
-    ours = render_cpu.render(*cloud, view, intrinsics(side), side, side)
-    naive = raster_naive.render(*cloud, view, intrinsics(side), side, side)
+    ours = render_cpu.render(cloud, camera(view, side))
+    naive = raster_naive.render(cloud, camera(view, side))
     evaluated, useful = naive_pairs(naive)
     return {"pairs_useful": useful, "pairs_evaluated": evaluated_pairs(ours),
             "naive_pairs_evaluated": evaluated, "tile_pairs": tile_pairs(ours),
-            "bytes_moved": bytes_moved(len(cloud[0]), side * side, tile_pairs(ours))}
+            "bytes_moved": bytes_moved(len(cloud), side * side, tile_pairs(ours))}
 
 
 def with_shares(row: Row, peak: float) -> Row:

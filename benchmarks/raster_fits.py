@@ -15,7 +15,7 @@ import raster_naive
 from raster_machine import ROOT
 from toy_scenes import toy_cabinet_twin, write_ball_scene
 
-from part2gs_robotics.capture.capture import capture
+from part2gs_robotics.capture.capture import Shots, capture
 from part2gs_robotics.config import FitConfig, ReadConfig
 from part2gs_robotics.exporters.mjcf import write_mjcf
 from part2gs_robotics.fit.fit_state import fit_state
@@ -45,7 +45,7 @@ def made_scenes(folder: Path) -> dict[str, StateViews]:
     twin = folder / "twin"
     twin.mkdir()
     write_mjcf(toy_cabinet_twin(2), twin)
-    capture(twin / "twin.xml", folder / "cabinet", views=VIEWS, size=SIZE)
+    capture(twin / "twin.xml", folder / "cabinet", Shots(views=VIEWS, size=SIZE))
     write_ball_scene(folder / "balls", VIEWS, SIZE)
     return {"microwave": first_state(ROOT / "examples/microwave"),
             "cabinet": first_state(folder / "cabinet"), "balls": first_state(folder / "balls")}

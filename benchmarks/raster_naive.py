@@ -16,6 +16,8 @@ from numpy.typing import ArrayLike, NDArray
 from raster_naive_project import FOV_MARGIN, GRADS, PACKED, project, project_backward
 from raster_naive_tiles import TILE, backward, forward
 
+from part2gs_robotics.model.gaussians import Splats
+from part2gs_robotics.model.scene import Camera
 from part2gs_robotics.render.cpu import Gradients
 
 F32 = NDArray[np.float32]
@@ -44,7 +46,7 @@ class NaiveSaved:
 
 @dataclass(frozen=True)
 class NaiveRendered:
-    """Images as in render_cpu.Rendered, those that a fit uses."""
+    """Images as in render.cpu.Rendered, those that a fit uses."""
 
     color: F32
     alpha: F32
@@ -54,12 +56,14 @@ class NaiveRendered:
     saved: NaiveSaved
 
 
-def render(means: F32, quats: F32, scales: F32, opacities: F32, colors: F32, viewmat: ArrayLike,
-           K: ArrayLike, width: int, height: int, *, background: ArrayLike | None = None,
+def render(splats: Splats, camera: Camera, *, background: ArrayLike | None = None,
            **_: object) -> NaiveRendered:
-    """Render float32 Gaussians with the arguments of render_cpu.render, without extra channels."""
-    view, lens = np.array(viewmat, np.float64), _lens(np.asarray(K, np.float64), width, height)
-    means, quats, scales = (np.ascontiguousarray(a, np.float32) for a in (means, quats, scales))
+    """Render float32 Gaussians with the arguments of render.cpu.render, without extra channels."""
+    width, height, view = camera.width, camera.height, np.array(camera.viewmat, np.float64)
+    lens = _lens(np.asarray(camera.K, np.float64), width, height)
+    means, quats, scales = (np.ascontiguousarray(a, np.float32)
+                            for a in (splats.means, splats.quats, splats.scales))
+    opacities, colors = splats.opacities, splats.colors
     behind = np.zeros(3, np.float32) if background is None else np.asarray(background, np.float32)
     packed, boxes = np.zeros((len(means), PACKED), np.float32), np.zeros((len(means), 4), np.int32)
     project(means, quats, scales, opacities, colors, view, lens, width, height, packed, boxes)
@@ -77,7 +81,7 @@ def render(means: F32, quats: F32, scales: F32, opacities: F32, colors: F32, vie
 def render_backward(rendered: NaiveRendered, d_color: F32 | None, d_alpha: F32 | None = None,
                     d_depth: F32 | None = None, d_extra: F32 | None = None, **_: object
                     ) -> Gradients:
-    """Return the gradients of a loss with the arguments of render_cpu.render_backward."""
+    """Return the gradients of a loss with the arguments of render.cpu.render_backward."""
     s = rendered.saved
     d_image = np.zeros((*s.image.shape[:2], 5), np.float32)
     for part, gradient in ((slice(0, 3), d_color), (3, d_alpha), (4, d_depth)):

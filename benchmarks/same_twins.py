@@ -90,7 +90,8 @@ def hashes(folder: Path) -> dict[str, str]:
 def comparison(before: dict[str, dict[str, object]], after: dict[str, dict[str, object]],
                ) -> tuple[str, bool]:
     """Return a table of the builds that both have, and whether all of them are the same."""
-    lines, same = ["| build | files | different | seconds before | after |", "|---|--:|---|--:|--:|"], True
+    same = True
+    lines = ["| build | files | different | seconds before | after |", "|---|--:|---|--:|--:|"]
     for name in after:
         if name not in before:
             continue

@@ -23,7 +23,7 @@ from part2gs_robotics.runtime.atomic import write_bytes_atomic
 Source = Literal["measured", "fitted", "assumed"]
 Tree = dict[str, object]
 MAX_YAML_BYTES = 20_000_000  # a twin of 20 parts is 100 kB
-FORMAT = 1
+FORMAT = 1  # version of the file's layout
 
 
 def write_twin_yaml(twin: Twin, folder: Path, extra: Mapping[str, object] | None = None) -> Path:

@@ -19,7 +19,7 @@ from part2gs_robotics.config import Config, resolve
 from part2gs_robotics.errors import Part2GSError
 from part2gs_robotics.flags import Call, command_options, parse
 
-OK, FAILED, BAD_INPUT, OUR_BUG, INTERRUPTED = 0, 1, 2, 3, 130
+OK, FAILED, BAD_INPUT, OUR_BUG, INTERRUPTED = 0, 1, 2, 3, 130  # see flags.EXIT_CODES; 128 + SIGINT
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -98,7 +98,8 @@ def _check(call: Call) -> int:
 
 
 def _capture(call: Call) -> int:
-    from part2gs_robotics.capture.capture import Shots, capture, parse_states
+    from part2gs_robotics.capture.capture import Shots, capture
+    from part2gs_robotics.capture.joint_states import parse_states
     from part2gs_robotics.runtime.log import logging_to
 
     given = {key: option.default for key, option in command_options("capture").items()} | call.flags

@@ -35,6 +35,7 @@ def _capture(name: str, kind: type, default: Value, doc: str) -> Option:
     return Option(name, ("capture",), (kind,), default, doc)
 
 
+# What each command does, its paths, the rooms whose settings it takes, and flags of its own.
 COMMANDS = {
     "build": Command("two-state photos in, MuJoCo-checked twin out", ("SCENE",),
                      ("read", "fit", "stereo", "search", "articulate", "mesh", "check", "output")),

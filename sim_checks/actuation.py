@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 LOW, HIGH = 0.05, 0.95  # of the range: clear of the soft limits
 REACH = 0.99  # of the way between them
 TRACKING = 0.10  # of the range: lag of a critically damped 30 rad/s servo is 4 %
-STILL_ANGLE = np.deg2rad(0.1)
+STILL_ANGLE = np.deg2rad(0.1)  # rad that a hinge may move while another joint is driven
 STILL_SHARE = 1e-3  # of the size for slides: 1 mm on a metre
 CARRIED_SHARE = 0.01  # of its own range, for a joint that rides on the driven part: it sags anew
 SETTLE, TRAVEL, HOLD = 0.5, 3.0, 1.0  # s; settle + 2 (travel + hold) = 8.5 s < 10 s

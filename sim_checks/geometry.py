@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     import mujoco
     from manifold3d import Manifold
 
-VISUAL_GROUP = 2
+VISUAL_GROUP = 2  # of geoms that are only seen, in our twins as in MuJoCo Menagerie
 DENSE = 12_000  # faces of one body above which the sweep uses a simplified copy
 SAMPLES = 192  # points of the overlap whose depth is measured
 FEW = 400  # triangles that are all compared with every point

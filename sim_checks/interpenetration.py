@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from manifold3d import Manifold
 
 LIMIT = 0.002  # of the size: 2 mm on a metre, the noise of a good reconstruction
-RANDOM_POSES = 64
+RANDOM_POSES = 64  # of all joints at once, besides the sweep of each
 Pair = tuple[int, int]
 
 

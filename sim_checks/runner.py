@@ -16,7 +16,7 @@ from part2gs_robotics.sim_checks.subject import Subject
 
 GROUPS = ("compile", "mesh", "inertia", "limits", "states", "actuation", "overlap", "stability")
 TWIN_FILES = ("twin.xml", "scene.xml", "twin.urdf")
-QUICK_STEPS, QUICK_POSES = 7, 8
+QUICK_STEPS, QUICK_POSES = 7, 8  # a third and an eighth of what a full check looks at
 WORDS = {  # the engine's message, and what to do about it
     "coplanar": "a collision piece is flat; give it thickness or drop it",
     "volume is negative": "the faces of a mesh point inwards; turn them",

@@ -17,7 +17,7 @@ from part2gs_robotics.sim_checks.subject import DrivenJoint, Subject
 Run = tuple[int, float]  # what the time step is divided and the gain multiplied by
 SAME_END = 0.01  # of the range
 MOVE, REST = 1.0, 1.0  # s of ramp and of waiting
-HALVINGS = (1, 2, 4)
+HALVINGS = (1, 2, 4)  # what the time step is divided by: whole, halved, halved twice
 GAIN = 100.0  # on the stiffness; its root on the damping keeps the damping ratio
 HOLD_TIME = 3.0  # s
 DRIFT = 1e-3  # of the range during the last second of holding

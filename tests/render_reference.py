@@ -15,7 +15,7 @@ ALPHA_MAX = 0.99
 ALPHA_MIN = 1.0 / 255.0
 LOW_PASS = 0.3
 FOV_MARGIN = 0.3
-NEAR = 0.01  # internal units, as in render_cpu
+NEAR = 0.01  # internal units, as in render.cpu
 STOP = 1e-4
 
 
@@ -42,7 +42,7 @@ def render_reference(means: Tensor, quats: Tensor, scales: Tensor, opacities: Te
                      colors: Tensor, viewmat: Tensor, K: Tensor, width: int, height: int, *,
                      extra: Tensor | None = None, background: Tensor | None = None
                      ) -> ReferenceImages:
-    """Render Gaussians with the arguments of render_cpu.render, as float64 tensors.
+    """Render Gaussians as render.cpu does, from float64 tensors one by one.
 
     Args:
         means: [N, 3] world frame, scene units.

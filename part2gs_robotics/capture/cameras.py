@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 FOV_RAD = float(np.deg2rad(40.0))  # a phone's 2x lens: perspective without wide-angle stretch
-ELEVATIONS_DEG = (-10.0, 70.0)
+ELEVATIONS_DEG = (-10.0, 70.0)  # of cameras: a little from below to steeply from above
 GOLDEN_DEG = 137.50776405003785  # successive azimuths never line up
 FRAME_FILL = 0.85  # widest view; the rest is margin for alpha edges
 

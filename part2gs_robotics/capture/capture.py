@@ -13,7 +13,7 @@ import json
 import os
 import shutil
 import time
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -23,6 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from part2gs_robotics.capture.cameras import FOV_RAD, place_cameras
+from part2gs_robotics.capture.joint_states import States, choose_states
 from part2gs_robotics.errors import ConfigError, SceneError
 from part2gs_robotics.sim_checks.engine import logged_messages
 
@@ -30,14 +31,9 @@ if TYPE_CHECKING:
     from part2gs_robotics.capture.rig import JointInfo, Rig
 
 Array = NDArray[np.float64]
-States = dict[str, tuple[float, float]]
 
 STATE_NAMES = ("start", "end")
-# Nearly closed and three quarters open: both show the seam, neither sits on a limit.
-RANGE_SHARES = (0.05, 0.75)
-FREE_HINGE_RAD = float(np.deg2rad(45.0))
-FREE_SLIDE_SHARE = 0.1  # of the model's extent: an unlimited slide has no natural length
-VIEWS = (4, 2000)
+VIEWS = (4, 2000)  # per state, the least and most that can mean anything
 SIZES = (32, 2048)  # 2048 x 3 sub-pixels is the widest off-screen buffer of software EGL
 
 
@@ -100,7 +96,7 @@ def capture(model: Path, scene: Path, shots: Shots | None = None,
         _new_folders(scene) as (folder, truth),
         Rig(model, shots.size) as rig,
     ):
-        moves = _choose_states(rig, states, model)
+        moves = choose_states(rig, states, model)
         clouds = [_posed(rig, moves, s) for s in (0, 1)]
         cloud = np.concatenate(clouds)
         rig.focus(cloud)
@@ -119,28 +115,6 @@ def capture(model: Path, scene: Path, shots: Shots | None = None,
     )  # fmt: skip
 
 
-def parse_states(words: Iterable[str]) -> States:
-    """Return joint name -> both positions from words like `door=0.1,1.2`.
-
-    Raises:
-        ConfigError: a word of another form, or a joint named twice.
-    """
-    states: States = {}
-    for word in words:
-        name, _, values = word.rpartition("=")
-        try:
-            first, second = (float(value) for value in values.split(","))
-        except ValueError:
-            name = ""
-        if not name or name in states:
-            raise ConfigError(
-                f"capture: --state {word}: {'given twice' if name else 'not understood'}. "
-                "Expected JOINT=Q0,Q1 once per joint, rad or scene units; write --state door=0,1.2"
-            )
-        states[name] = first, second
-    return states
-
-
 def _check_numbers(views: int, test_views: int, size: int) -> None:
     if not VIEWS[0] <= views <= VIEWS[1] or not 0 <= test_views <= VIEWS[1]:
         raise ConfigError(
@@ -150,58 +124,6 @@ def _check_numbers(views: int, test_views: int, size: int) -> None:
     if not SIZES[0] <= size <= SIZES[1]:
         raise ConfigError(
             f"capture: --size {size}. Expected {SIZES[0]} to {SIZES[1]} pixels; change --size."
-        )
-
-
-def _choose_states(
-    rig: Rig, states: States | None, model: Path
-) -> list[tuple[JointInfo, tuple[float, float]]]:
-    """Return the moving joints in model order with both positions."""
-    by_name = {j.name: j for j in rig.joints}
-    if not by_name:
-        raise ConfigError(
-            f"{model}: has no hinge and no slide joint. "
-            "Expected an articulated model; give another."
-        )
-    chosen = states or {j.name: _default_states(j, rig.extent) for j in rig.joints}
-    for name, values in chosen.items():
-        if name not in by_name:
-            raise ConfigError(
-                f"capture: --state {name}: {model.name} has no such joint. "
-                f"Available: {', '.join(by_name)}; use one of these."
-            )
-        _check_range(by_name[name], values)
-    moves = [(j, chosen[j.name]) for j in rig.joints if j.name in chosen]
-    bodies = [j.body for j, _ in moves]
-    for joint, _ in moves:
-        if bodies.count(joint.body) > 1:
-            raise ConfigError(
-                f"capture: body {rig.body_name(joint.body)!r} has several moving joints. "
-                "Expected one per part; name one of them with --state."
-            )
-    return moves
-
-
-def _default_states(joint: JointInfo, extent: float) -> tuple[float, float]:
-    if joint.limits is None:
-        return 0.0, FREE_HINGE_RAD if joint.hinge else FREE_SLIDE_SHARE * extent
-    low, high = joint.limits
-    first, second = (low + share * (high - low) for share in RANGE_SHARES)
-    return first, second
-
-
-def _check_range(joint: JointInfo, values: tuple[float, float]) -> None:
-    low, high = joint.limits or (-np.inf, np.inf)
-    # Ranges given in degrees carry rounding of about 1e-6 after conversion.
-    if not all(np.isfinite(v) and low - 1e-6 <= v <= high + 1e-6 for v in values):
-        raise ConfigError(
-            f"capture: --state {joint.name}={values[0]:g},{values[1]:g} leaves the joint's range "
-            f"[{low:g}, {high:g}]. Expected two values inside (rad or scene units); change them."
-        )
-    if values[0] == values[1]:
-        raise ConfigError(
-            f"capture: --state {joint.name}={values[0]:g},{values[1]:g} does not move. "
-            "Expected two different values; change one."
         )
 
 

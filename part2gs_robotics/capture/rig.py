@@ -28,10 +28,10 @@ Array = NDArray[np.float64]
 # Odd, so that the middle sub-pixel lies on the pixel centre and depth needs no second rendering.
 SUPERSAMPLE = 3
 _CAMERA = "part2gs_capture"
-_AMBIENT = 0.3
+_AMBIENT = 0.3  # of all lights together: what none of them reaches is not black
 # Azimuth and elevation in degrees, strength: key, fill and low light; brightest sum stays below 1.
 _LIGHTS = ((215.0, 50.0, 0.4), (330.0, 35.0, 0.25), (95.0, 25.0, 0.25))
-_SHOWN, _HIDDEN = 2, 5
+_SHOWN, _HIDDEN = 2, 5  # two of MuJoCo's six geom groups, 0 to 5
 _APT = "apt-get install -y libegl1 libegl-mesa0 libgl1-mesa-dri libgl1 libgles2"
 
 

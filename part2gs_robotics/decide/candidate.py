@@ -14,8 +14,7 @@ AGAINST = 0.01  # of a cost: less is noise of the labelling; false parts land 1.
 WHOLER = 0.03  # of the image cost, where bodies become whole: true parts cost up to 1.7 % more
 MORE_MET = 0.1  # of the surfels of the part that meets least: what makes a body whole adds 0.34
 INCOHERENT = 0.05  # while parts are missing one motion must hide the others' surfels as well
-# Of the poorer state's surfels, as many meet their own kind under a motion that is surely right,
-# one that may be, and one that only hides them: two parts under one motion met 0.22 to 0.4.
+# Of the poorer state's surfels met: surely right, may be, only hides; two parts in one 0.22 to 0.4.
 ALL_MET, MIN_MET, NONE_MET = 0.5, 0.35, 0.25
 PLAIN_ASKEW = 0.5  # halfway from the worst true slide to a diagonal between two
 

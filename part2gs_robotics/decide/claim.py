@@ -27,8 +27,7 @@ AGREED = 0.8  # of the neighbours of a proof are proofs too: similar grain prove
 SHELLS = 4  # times that is asked: patches less than four surfels wide are such chances
 KEPT = 0.25  # of a part's proofs at least: a drawer's front may be no wider than its handle
 REACH = 0.5  # of the diagonal, along the surface: farther apart all labels are equally far
-# of the diagonal: at the end, ways to moving parts count as that much longer. A door touches its
-# frame at the hinge, and so is near to the room behind it (swept from 0 to 0.04 on nine scenes).
+# Of the diagonal, added to ways to moving parts: hinges touch the rest (0 to 0.04 swept, 9 scenes).
 STAYS = 0.03
 LEAD = 0.02  # of the diagonal, two surfels: what a way must be longer to count in full
 FAR_COST = 0.15  # half of what an unobserved place costs: breaks ties, outvotes no match
@@ -51,7 +50,7 @@ def claim(judge: Judge, found: Candidate, stays: float = 0.0) -> tuple[Labels, F
         costs = unary.cost(np.eye(len(moves))[hard])
         proofs = _proofs(costs, hard)
         cores = _cores(proofs, study.graph)
-        # Once joints are final (used before, it cost a table's draft a drawer), and once ways have
+        # Once joints are final (used before, it cost a draft a true part), and once ways have
         # told parts apart that hide it alike.
         if turn and stays:
             slides = np.array([False, *(j.kind == "prismatic" for j in found.motions)])

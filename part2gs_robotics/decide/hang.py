@@ -30,20 +30,17 @@ from part2gs_robotics.search.refine import refine
 
 logger = logging.getLogger(__name__)
 UNEXPLAINED = 0.5  # landing cost: halfway from an unobserved place to one seen empty
-LEAST_LEFT = 0.01  # of a carrier's surfels: a magazine or a latch leaves more, noise of rims less
+LEAST_LEFT = 0.01  # of a carrier's surfels: small carried parts leave more, noise of rims less
 SEEDS = 6  # patches of what is left: a carried part is a small thing
 GUESSES = 6  # motions of each patch that are refined
 TRIED = 8  # refined motions, those that land most of what is left, that are judged
-POLISHED = 8  # rounds of refinement; a latch's line 5 % of the diagonal off takes three
+POLISHED = 8  # rounds of refinement; a line 5 % of the diagonal off takes three
 LEAST_TURN = np.deg2rad(3.0)  # beside the carrier: less is the carrier's own error
 LEAST_SLIDE = 0.02  # of the diagonal, likewise
 HALF = np.deg2rad(135.0)  # beside the carrier: from here on a plate lands on itself, sides swapped
-# Prices, for a part to hang on a part and not on the base: labels found anew save 2 % of the cost
-# left whatever it hangs on; false carriers saved up to 2.7 % in nine builds, a lamp's arm 8.5 %. A
-# new part pays as much: a blurred door's glass saved 1.25 prices, a door's latch 4.1 to 5.6.
+# Prices: false carriers saved 2.7 % of the cost, a true one 8.5; false new parts 1.25, true 4.1 up.
 CARRIED = 2
-# Of the cost left: for a hinge line FAR away from its part, see `_apart`; more than CARRIED prices:
-# it alone tells two turns about parallel axes from one about a far line, which both make together.
+# Of the cost left, over CARRIED prices: two parallel turns make one about a far line.
 FAR_PRICE = 0.04
 FAR = 0.3  # of the diagonal
 

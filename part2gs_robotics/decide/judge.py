@@ -25,7 +25,7 @@ from part2gs_robotics.search.refine import refine
 PART_PRICE = 0.003  # of cost per object pixel plus cost per surfel: what one more part must save
 PART_SHARE = 0.015  # of the cost left: what noise saves grows with it
 SLOW = 0.05  # of the diagonal: bent depth looks like parts that move less (seen: 4.3 %)
-SLOW_SHARE = 0.027  # of the cost left, with such a part: the bend of a bin saved 2.0 to 2.3 %
+SLOW_SHARE = 0.027  # of the cost left, with such a part: bent depth saved 2.0 to 2.3 %
 MIN_SURFELS = 25  # in either state: less is the size of a floater
 NEAR = 0.05  # of the diagonal: hinges of eleven scenes pass their parts by 0.036 at most
 SORTED = 10  # sets per step, the best by a rough labelling, that are labelled to the end

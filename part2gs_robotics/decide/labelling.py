@@ -20,22 +20,15 @@ SMOOTHNESS = 0.12  # per neighbour: ten neighbours outvote a neutral surfel, not
 NEUTRAL_COST = (
     0.3  # landing unobserved: a part is proven by contradictions it removes, not by what it hides
 )
-# Made things rest: a room behind a door is as unseen turned as at rest. While parts are sought, to
-# carry a surfel to where nothing was seen is that much dearer than to leave it unseen. Surfels
-# labelled wrong under the true motions, without -> with: a wardrobe 6865 -> 2188, sektion 1216 ->
-# 652, fridge 687 -> 446, sideboard 913 -> 834 (0.01, 0.02, 0.1 tried; matches made dearer as well,
-# by 0.005 already, spoiled a microwave's door).
+# Dearer than unseen at rest: 0.32 to 0.91 as many wrong labels, four scenes (0.01 to 0.1 tried).
 UNSEEN_MOVES = 0.05
 FOREIGN_COST = 0.35  # a surfel met that another motion carries: two surfaces cannot both become it
 TEMPERATURES = (0.3, 0.2, 0.12, 0.07, 0.04)  # annealing of the mean field; costs are in 0..1
 SWEEPS = 4  # per temperature
-# What makes a motion dearer than rest in each start of the mean field; the second must be better. A
-# wall that slides along itself rests as well under a drawer's motion, and what two drawers share of
-# it stays undecided: a wide one costs 76 from the even start and 60 from the leaning one, a narrow
-# one 41 and 60 (tests/test_labelling.py); leaning by 0.02 to 0.3: 61 to 59.
-EVEN = (0.0,)
+EVEN = (0.0,)  # what motions cost more than rest in a start of the mean field
+# The better counts: a shared wall costs 76 or 60, a narrow one 41 or 60 (0.02 to 0.3: 61 to 59).
 STARTS = (*EVEN, 0.1)
-BETTER = 0.02  # of the energy: less is noise, which cost a wardrobe of seven alike fronts two parts
+BETTER = 0.02  # of the energy: less is noise, which cost a scene of seven alike fronts two parts
 
 
 @inlined

@@ -23,20 +23,14 @@ from part2gs_robotics.model.joint import Joint
 from part2gs_robotics.search.choose_kind import choose_joint
 
 logger = logging.getLogger(__name__)
-MUCH = 8.0  # prices: false parts that images did not hold saved 6 and 7, true doors 9 and 13
+MUCH = 8.0  # prices: false parts that images did not hold saved 6 and 7, true ones 9 and 13
 LOOSE = 0.02  # rad: five times the loosest true part of eleven scenes; false ones: 0.034, none
-# rad: held so well, by images or by faces, a part is real though images do not show its way: plain
-# doors, drawers and lids 0.0015 to 0.002, a false part on a microwave's door 0.01.
+# rad, by images or faces: plain true parts are held to 0.0015 to 0.002, a false one to 0.01.
 FIRM = 0.004
-# Prices: firm parts whose way images do not show saved 5.4 (a stapler's magazine) to 35; a bent
-# part of a laptop's dark screen, that edges held, 1.2.
-FEW = 2.5
-# Of the richer state's surfels: what images do not hold is a part only if both states show as much
-# of it. True parts 0.2 to 1, but for two that save much (a thin flap 0.06, trays in one 0.11); a
-# slide that hid a microwave's bent inside 0.11.
+FEW = 2.5  # prices: firm parts whose way images do not show saved 5.4 to 35, a bent false one 1.2
+# Of the richer state's surfels: true parts 0.2 up, two that save much 0.06, 0.11; a false one 0.11.
 SHARED = 0.15
-# Prices: before anything is settled parts that stayed, in 19 builds, saved 1.08 to 42, a false one
-# -0.03.
+# Prices before anything is settled: in 19 builds true parts saved 1.08 to 42, a false one -0.03.
 HOPEFUL = 0.25
 ALIKE = 0.05  # of the diagonal: refinement takes motions nearer than that to one place
 

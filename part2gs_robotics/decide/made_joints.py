@@ -16,12 +16,9 @@ from part2gs_robotics.model.joint import Joint
 
 WAYS = 200  # directions tried, 8 deg apart at most: fitted normals are not better
 MOST = 400  # normals looked at: their mean is known to 0.02; every set of motions is asked
-# Mean |sin 2 angle| to the walls, above that of the best direction: ten true drawers 0 to 0.16, one
-# that shares surfels with doors 0.23; a diagonal between two drawers 0.40, one at 45 deg to all but
-# the side walls 0.5. From 0.25 on, a false slide on a microwave was settled before it was pruned.
+# Mean |sin 2 angle| to walls over the best way's: true slides 0 to 0.16, one 0.23; false 0.4, 0.5.
 FREE, FULL = 0.2, 0.4
-# rad between an axis and the nearest edge, or the line across two: 63 of 65 true joints less than
-# 0.1 deg, two 1.2 (benchmarks/edges.py); fitted motions are off by 3 until they are aligned.
+# rad to the next edge: 63 of 65 joints below 0.1 deg, two 1.2 (benchmarks/edges.py); unaligned 3.
 BESIDE, OFF = np.deg2rad(5.0), np.deg2rad(9.0)
 APART = np.sin(np.deg2rad(30.0))  # edges that meet at less have no sure line across them
 

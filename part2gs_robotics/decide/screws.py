@@ -26,7 +26,7 @@ RISES = (-0.10, -0.04, 0.0, 0.04, 0.10)  # of the diagonal: steps as wide as wha
 LESS = 0.97  # of what its turn leaves: one number more always leaves a little less
 MOST = 3  # screws that are judged
 ALIKE = 1e-3  # of what is left: two that grew into one
-RARE = 2  # prices of a part that a screw pays for being one; a bin's false one would pay one
+RARE = 2  # prices of a part that a screw pays for being one; a false one would pay one
 PROVEN = 3.0  # standard deviations of the rise, which images must exclude zero by
 SAMPLE = 1500  # surfels of evidence per state: as many as refine a motion in some 50 ms
 

@@ -19,8 +19,7 @@ from part2gs_robotics.model.joint import Joint
 from part2gs_robotics.search.refine import misfit, refine
 
 logger = logging.getLogger(__name__)
-# Of the poorer state's surfels: one body meets 0.66 and more, two under one motion 0.22 to 0.65.
-# What pays must pay all the same, so trying costs nothing but time.
+# Of the poorer state's surfels: one body meets 0.66 up, two in one 0.22 to 0.65; to try costs time.
 WHOLE = 0.8
 MOST_PAIRS = 20  # of each kind tried in the place of each motion; a set takes about 30 ms
 HOPE = 2.0  # prices: two drawers cost that much more before tuning than after

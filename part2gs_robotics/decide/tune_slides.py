@@ -14,7 +14,7 @@ from part2gs_robotics.model.joint import Joint
 
 logger = logging.getLogger(__name__)
 ROUNDS = 3  # the third seldom changes anything
-PARALLEL = np.deg2rad(12.0)  # rad; drawers of one cabinet run parallel
+PARALLEL = np.deg2rad(12.0)  # rad; drawers side by side run parallel
 STEPS = (-0.02, -0.01, -0.005, 0.0, 0.005, 0.01, 0.02)  # of the diagonal
 
 

@@ -35,10 +35,8 @@ LESSER = 0.5  # of a turn: what turns nearly as far is no likelier
 CENTRAL = 1.4  # radii of gyration from the part's middle: a board's edge is 1.73 away
 ALIKE = 0.02  # of the cost: the lesser of two motions that look the same cost 1.1 % more
 LARGE = np.deg2rad(45.0)  # a lesser turn is no odder than a slide
-# Of what the turn saves: true slides saved 0.92 of what a false turn did; the best lesser motion in
-# the place of 30 true turns, 36 to 110 degrees in 19 builds, 0.57 at most.
-NEARLY = 0.8
-RAW = 0.5  # likewise, before it is polished: that slide 0.8; what saves less is not polished
+NEARLY = 0.8  # of what a turn saves: true slides 0.92, lesser ones for 30 true turns 0.57 at most
+RAW = 0.5  # likewise, before it is polished: a true slide 0.8; what saves less is not polished
 
 
 def righted(judge: Judge, found: Candidate) -> Candidate:

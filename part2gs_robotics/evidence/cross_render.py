@@ -26,8 +26,7 @@ from part2gs_robotics.runtime.side_by_side import side_by_side
 Floats = NDArray[np.floating]
 COLOR_SCALE = 0.25  # a colour error of a quarter is as wrong as it gets: light turns with nothing
 MISSING_COST = 0.3  # per uncovered pixel: mostly interior that the source state never saw
-# Per pixel that shows the far side of what the source state saw: its shape is explained, its paint
-# is unknown. A toilet's lid turned over saved 0.008 without this, and lost 0.018 with it.
+# Per pixel of a far side, paint unknown: one turned over saved 0.008 without it, lost 0.018 with.
 FAR_SIDE_COST = 0.1
 BEHIND = 0.1, 0.3  # cosines between which a face is seen from behind: normals are off by degrees
 

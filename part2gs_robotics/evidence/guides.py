@@ -15,8 +15,7 @@ from part2gs_robotics.model.arrays import F64
 
 NEAR = np.deg2rad(3.0)  # rad: guides that may belong to an axis
 AGREED = 3.0  # standard deviations at which a guide counts a quarter
-# rad, added to deviations while guides are weighed: an aligned axis starts so far off that edges
-# known to a hundredth of a degree would all count for nothing.
+# rad added to deviations: axes start so far off that edges known to 0.01 deg would count for none.
 SLACK = np.deg2rad([0.6, 0.4, 0.2, 0.1, 0.05, 0.02, 0.01, 0.0, 0.0, 0.0])
 
 

@@ -15,12 +15,12 @@ from part2gs_robotics.runtime.simd import LANES, Lane, load, splat, store, total
 Floats = NDArray[np.floating]
 Box = tuple[slice, slice]
 
-RADIUS, SIGMA = 5, 1.5  # window of 11 pixels (Wang et al. 2004), as in 3DGS
+RADIUS, SIGMA = 5, 1.5  # 11 pixels across (Wang et al. 2004), as in 3DGS
 C1, C2 = 0.01**2, 0.03**2  # for a colour range of 1
-_WEIGHTS = [math.exp(-k * k / (2 * SIGMA**2)) for k in range(RADIUS + 1)]
-_SUM = _WEIGHTS[0] + 2 * sum(_WEIGHTS[1:])
+_WEIGHTS = [math.exp(-k * k / (2 * SIGMA**2)) for k in range(RADIUS + 1)]  # from the middle out
+_SUM = _WEIGHTS[0] + 2 * sum(_WEIGHTS[1:])  # both sides of the middle: weights sum to 1
 W0, W1, W2, W3, W4, W5 = (w / _SUM for w in _WEIGHTS)
-PAD = LANES  # zeros before and after a row: more than the window's radius
+PAD = LANES  # zeros before and after a row: more than RADIUS
 MAPS, BY = 5, 3  # x, y, xx, yy, xy; derivatives of SSIM by the blurred x, xx, xy
 
 

@@ -19,7 +19,7 @@ from part2gs_robotics.model.scene import StateViews
 OVERLAP = 0.7  # disc standard deviation / spacing: neighbours cover each other, edges stay sharp
 FLATNESS = 0.15  # thickness / radius of a disc: thin, yet seen when a camera looks along it
 START_OPACITY = 0.7  # high enough to hide the far side, low enough to fade where wrong
-HOLLOW_SHARE = 0.7  # discs in hollows per disc on the hull, at most: an open cabinet needs as many
+HOLLOW_SHARE = 0.7  # discs in hollows per disc on the hull, at most: what stands open needs as many
 NEAR = 0.012  # of the diagonal: above the stereo's error in three pixels out of four
 SPACING = 0.008  # of the diagonal: about as dense as 14,000 discs on the hull of a box
 MIN_VIEWS = 3  # depth maps that must agree: one or two may share an error

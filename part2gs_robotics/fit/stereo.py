@@ -26,8 +26,9 @@ BINS = 96  # depths from the hull's nearest to farthest point: a pixel of parall
 NEIGHBORS = 12  # views compared: up to about 45 degrees away in a set of 64
 USED = 0.75  # share of them that counts: the others may be blocked
 NEAREST = 3.0  # degrees: closer views have no parallax
-FRONT = 5e-5  # of the colour range per bin: less than any colour difference, decides ties only
+FRONT = 5e-5  # of the colour range per depth: less than any colour difference, decides ties only
 MARCH = 0.7  # voxels per step along a ray: no wall of the hull is jumped
+# The eight paths to a pixel (Hirschmüller 2008): rows and columns of a step.
 DIRECTIONS = ((0, 1), (0, -1), (1, 0), (-1, 0), (1, 1), (-1, -1), (1, -1), (-1, 1))
 
 

@@ -10,10 +10,10 @@ from part2gs_robotics.model.arrays import F32, F64
 from part2gs_robotics.runtime.jit import inlined, kernel, parallel_kernel
 
 TRUNCATED = 0.15  # of the colour range: beyond, a view sees something else, however much
-SMALL_STEP = 0.008  # of the colour range, for a depth step of one bin
+SMALL_STEP = 0.008  # of the colour range, for a step to the next depth
 BIG_STEP = 0.12  # for any depth step: nearly as much as a view that disagrees
 EDGE = 0.05  # colour step at which a big depth step costs a third
-STEEP = 6  # bins between neighbours beyond which the hull itself has an edge
+STEEP = 6  # depths between neighbours beyond which the hull itself has an edge
 UNREACHABLE = 1e6  # far above any sum of costs of at most 2 TRUNCATED each
 
 

@@ -18,7 +18,7 @@ EVEN = 0.7  # share of histogram equalisation; the rest stays linear, so that no
 STEEPEST = 5.0  # times the contrast at most: sensor noise of one grey level stays near two percent
 WIDTH = 3.0  # grey levels, standard deviation that smooths the histogram: no single-tone cliffs
 SOLID = 230  # alpha from which a pixel shows the object alone
-LEVELS = np.arange(256) / 255.0
+LEVELS = np.arange(256) / 255.0  # what 8 bits can show, as colours
 
 
 @dataclass(frozen=True)

@@ -43,14 +43,12 @@ logger = logging.getLogger(__name__)
 
 
 COARSE = (Level(2.5, 0.10, 3), Level(1.5, 0.08, 3))  # each step halves the error or more
-# Narrow and strict decide: shading and neighbours pull on what a wide one lets speak. 0.02 or half
-# a pixel's blur change joints by less than 0.02 deg.
+# Narrow and strict, as shading pulls on wide ones; 0.02 or half a pixel's blur: less than 0.02 deg.
 FINE = (Level(1.0, 0.06, 5), Level(0.7, 0.03, 8))
 STILL = 5e-5  # rad or diagonals: a step shorter than 0.003 deg ends a level
 TELLING = 8  # views per state that tell whether a curvature is one of the images
 PROBE = 1e-3  # rad or diagonals: a tenth of a pixel, well above rounding
-# Of the image cost: less is what two views' noise changes. Twenty joints rightly drawn to edges, by
-# 0.02 to 0.4 deg, cost at most 0.23 % by it, two wrongly drawn 1.1 and 4.1 %.
+# Of the image cost: 20 joints rightly drawn to edges cost 0.23 % at most by it, wrong ones 1.1 up.
 LEAST_GAIN = 0.01
 
 

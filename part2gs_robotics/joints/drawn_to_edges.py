@@ -27,9 +27,8 @@ FAR = 3.0  # standard deviations from the images' turn: farther, it is another e
 TRUE = np.deg2rad(0.04)
 LEAST = 8  # segments of either state that must agree
 DRAWN = 9.21  # squared distance, two degrees of freedom, that chance exceeds once in a hundred
-FARTHER = 36.0  # likewise, six deviations: a short fit's lid was 4 off the edges, if images agree
-# rad: fitted walls are bent, and what is aligned to them is off by that much, whatever its
-# curvature says: 0.04 to 0.12 deg on seen objects.
+FARTHER = 36.0  # likewise, six deviations, if images agree: a true part of a short fit was 4 off
+# rad: fitted walls, and what is aligned to them, are bent: by 0.04 to 0.12 deg on seen objects.
 BEND = np.deg2rad(0.1)
 
 

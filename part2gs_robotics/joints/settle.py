@@ -37,8 +37,7 @@ from part2gs_robotics.model.small_views import SmallViews
 logger = logging.getLogger(__name__)
 Views = tuple[SmallViews, SmallViews]
 ROUNDS = 2  # of alignment and relabelling before and after tuning; a third changed < 0.05 deg
-# Of the moving surfels: 0.6 to 0.9 % changed in three scenes where a second alignment was no use,
-# 4 % where fronts are mixed up.
+# Of moving surfels: 0.6 to 0.9 % in three scenes that needed no realignment, 4 % where fronts mix.
 RELABELLED = 0.02
 THIN = 2  # every other view until the last alignment
 VETO = 0.002  # of the image cost: surfels were heard too, and three drawers differed by 0.0013

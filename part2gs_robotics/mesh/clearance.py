@@ -31,7 +31,7 @@ SHARES = (0.0, 0.25, 0.5, 0.75, 1.0)  # of a cut that the first of two pieces ta
 SPARE = 0.03  # of its volume a part may lose in one cut; more is a real crossing, left alone
 CRUMB = 1e-7  # of the size cubed
 REPEATS = 3  # per short motion, while pieces are cut up: a wall has few openings
-MOST_PIECES = 300  # of the twin; a cabinet of four doors and drawers has about 110
+MOST_PIECES = 300  # of the twin; one of four doors and drawers has about 110
 
 
 def _pieces(twin: Twin, size: float) -> list[Piece]:

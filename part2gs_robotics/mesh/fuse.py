@@ -137,11 +137,10 @@ def _add_voxel(p: F64, m: F64, depth: F32, labels: NDArray[np.uint8], facing: F3
         sums[6, x, y, z] += 1.0  # free: every pixel looks past it
         return
     near_i, near_j = i + (1 if v - i > 0.5 else 0), j + (1 if u - j > 0.5 else 0)
-    own = labels[near_i, near_j] == part
+    own, slope = labels[near_i, near_j] == part, facing[near_i, near_j]
     if high < w - FAR * trunc:
         sums[4 if own else 5, x, y, z] += 1.0
         return
-    slope = facing[near_i, near_j]
     if high - low > 2.0 * voxel / max(slope, GRAZING) or slope < GRAZING:
         return  # an edge or a grazing surface: its distance is unknown
     fu, fv = u - j, v - i

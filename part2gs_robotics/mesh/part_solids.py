@@ -20,8 +20,7 @@ DEEP_SHARE = 0.9  # of the views that cannot see a point: inside a part nearly a
 HULL_SHARE = 0.1  # the same inside the part's convex hull, where neighbours hide a lot
 SMALLEST = 0.01  # share of the volume below which a separate piece is noise
 SMALLEST_SEEN = 0.002  # of what views saw: noise of rims is a tenth of that, a rail five times
-# Of a separate piece's voxels: the handles and rails of a table's doors 0.4 to 1, a blob of fill
-# behind one of them 0.09. A ball seen all round has 0.25 up to 60 voxels across.
+# Of a piece's voxels: true ones 0.4 to 1, a ball seen all round 0.25 up to 60 across, fill 0.09.
 SHOWN = 0.25
 UNSEEN_SMOOTHING = 2.5  # voxels: wider than the streaks that single views' shadows leave
 FIN = 2  # voxels: half the thickness below which an unobserved sheet is a leftover, not a wall

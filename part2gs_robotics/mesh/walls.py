@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from part2gs_robotics.model.arrays import F64
 
 SAME_DIRECTION = np.cos(np.deg2rad(20.0))  # noisy walls: normals spread by 10..15 degrees
-MAX_DIRECTIONS = 6
+MAX_DIRECTIONS = 6  # twice those of a box, largest first
 DIRECTION_SHARE = 0.03  # of the surface: smaller facets are no wall
 WALL_SHARE = 0.02  # of the surface
 MAX_CUTS = 12  # candidates per piece, largest walls first; 24 found no better pieces in trials

@@ -11,8 +11,7 @@ from part2gs_robotics.model import se3
 from part2gs_robotics.model.arrays import F64
 
 JointKind = Literal["fixed", "revolute", "prismatic", "screw"]
-# Numbers that tell where a joint of a kind goes: two of the axis and the value, two of the axis'
-# place where it turns, one of the rise.
+# Numbers that tell where it goes: two of the axis and the value, two of its place, one of the rise.
 PARAMETERS: dict[JointKind, int] = {"prismatic": 3, "revolute": 5, "screw": 6}
 
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from part2gs_robotics.model.arrays import F64
 from part2gs_robotics.model.joint import Joint
@@ -15,6 +14,7 @@ from part2gs_robotics.model.twin import Part, Twin
 MOST_POSES = 160  # poses per sweep; more would step less than half a voxel at 192 voxels
 COARSE_POSES = 17  # of a path: enough to measure how long it is
 FEWEST_POSES = 21  # the simulator checks measure interpenetration at 21 joint values
+REST = Joint("fixed", np.array([0.0, 0.0, 1.0]), np.zeros(3), 0.0)  # of a part without a joint
 
 
 def moving_parts(twin: Twin) -> tuple[int, ...]:
@@ -27,22 +27,18 @@ def moves(part: Part) -> bool:
     return part.joint is not None and part.joint.kind != "fixed"
 
 
-def part_transforms(twin: Twin, positions: Sequence[float]) -> list[NDArray[np.float64]]:
+def part_transforms(twin: Twin, positions: Sequence[float]) -> list[F64]:
     """Return per part [4, 4] world_at_q_from_world_at_0.
 
-    A child is carried by its parent: world_q_from_0(child) = world_q_from_0(parent) joint(q).
-
     Args:
-        twin: parents before children.
+        twin: base first, parents before children.
         positions: one per moving part, rad or scene units.
     """
     at = dict(zip(moving_parts(twin), positions, strict=True))
-    out: list[NDArray[np.float64]] = []
-    for i, part in enumerate(twin.parts):
-        parent = out[part.parent] if part.parent >= 0 else np.eye(4)
-        local = part.joint.transform(at.get(i, 0.0)) if part.joint is not None else np.eye(4)
-        out.append(parent @ local)
-    return out
+    joints = [part.joint or REST for part in twin.parts[1:]]
+    parents = [max(part.parent, 0) for part in twin.parts[1:]]
+    values = [at.get(i, 0.0) for i in range(1, len(twin.parts))]
+    return [chain(i, joints, parents, values) for i in range(len(twin.parts))]
 
 
 def subtree(twin: Twin, index: int) -> tuple[int, ...]:
@@ -62,6 +58,8 @@ def children(twin: Twin, index: int) -> tuple[int, ...]:
 def chain(part: int, joints: Sequence[Joint], parents: Sequence[int],
           positions: Sequence[float] | F64) -> F64:
     """Return [4, 4] world_at_q_from_world_at_0 of a part, carried by its parents.
+
+    world_q_from_0(child) = world_q_from_0(parent) joint(q).
 
     Args:
         part: 0 = base.
@@ -135,10 +133,6 @@ def _pose_count(relative: Callable[[int], F64], corners: F64, step: float) -> in
 
 def part_motions(joints: Sequence[Joint], parents: Sequence[int] | None = None) -> list[F64]:
     """Return K+1 [4, 4] state1_from_state0 in the world; the base first, chains composed."""
-    parents = [0] * len(joints) if parents is None else list(parents)
-    own = [np.eye(4), *(joint.transform(joint.value) for joint in joints)]
-
-    def motion(part: int) -> F64:
-        return own[0] if part == 0 else motion(parents[part - 1]) @ own[part]
-
-    return [motion(part) for part in range(len(own))]
+    parents = [0] * len(joints) if parents is None else parents
+    values = [joint.value for joint in joints]
+    return [chain(part, joints, parents, values) for part in range(len(joints) + 1)]

@@ -19,20 +19,14 @@ from part2gs_robotics.model.scene import Scene, StateViews
 from part2gs_robotics.model.twin import Part, PartMesh
 
 USUAL_DISTANCE = 4.0  # internal units from a camera to what it looks at: an object is about one
-# Internal units: camera translations are rounded to it. It is a quarter of a millionth of the
-# cameras' distance, 1e-4 pixels, and a million times the noise that another unit leaves in them.
-GRID = 2.0**-20
-# Internal units, for depths: a tenth of what 16 bits resolve at such a distance (a millimetre at
-# 4 m), and coarser, for millions of pixels must all be rounded alike.
+GRID = 2.0**-20  # internal units, of cameras: 1e-4 pixels, a million times the noise of other units
+# Internal units: a tenth of what 16 bits resolve at 4 m (1 mm); coarser, to round millions alike.
 DEPTH_GRID = 2.0**-14
 NEAREST_DEPTH = 0.1  # internal units, 10 cm at 4 m: nearer, depth cameras report nothing reliable
-# Of the mean projector's eigenvalues: below, all optical axes are within 2 degrees of one
-# direction, and the point nearest to them may lie anywhere along it.
-PARALLEL = 1e-3
-# Powers of the unit in what the optimiser reports of a part: of the corrected forms, and of those
-# that the paper prints otherwise. A pull on a turn is a torque, one length more.
+PARALLEL = 1e-3  # of the mean projector's eigenvalues: below, all optical axes are within 2 degrees
+# Powers of the unit in reported terms; a pull on a turn is a torque, one length more.
 POWERS = {"contact_loss": 2, "velocity_loss": 2, "motion_residual": 1, "repel_gradient": 1}
-PAPER_POWERS = POWERS | {"contact_loss": 0, "vector_field_loss": 2}
+PAPER_POWERS = POWERS | {"contact_loss": 0, "vector_field_loss": 2}  # as printed
 
 
 @dataclass(frozen=True)

@@ -23,7 +23,7 @@ from part2gs_robotics.paper.neighbourhood import (
     part_neighbors,
     part_temperature,
 )
-from part2gs_robotics.runtime.adam import Adam
+from part2gs_robotics.runtime.adam import direction
 
 TINY = 1e-30  # a softmax may underflow to 0; well above float32's least 1e-38, log stays finite
 ADAM_BETAS, ADAM_EPSILON = (0.9, 0.99), 1e-8  # 40 soft steps: squares forget sooner
@@ -58,9 +58,7 @@ class IdentityConfig:
     """Cool the softmax and end with hard labels; False = temperature 1 throughout."""
 
 
-# Eq. 4 as printed: neighbours by distance alone, nothing between the states, no annealing. Evidence
-# stays, in place of the rendering loss that trains the paper's embeddings; its lambda_part is
-# unknown, 0.1 is the weight its nearest published kin use.
+# Eq. 4 as printed, evidence in place of rendering; 0.1: lambda_part of its nearest published kin.
 PAPER = IdentityConfig(part_weight=0.1, cross_weight=0.0, floor=1e-6, normal_weight=0.0,
                        color_weight=0.0, annealed=False)
 
@@ -132,7 +130,7 @@ def _optimised(
 ) -> list[F32]:
     """Return identities [N_s, K+1] after the soft and the hard steps; one-hot if annealed."""
     embeddings = [-u for u in unary]
-    adams = [Adam({"rho": config.learning_rate}, ADAM_EPSILON, ADAM_BETAS) for _ in unary]
+    moments = [(np.zeros_like(u), np.zeros_like(u)) for u in unary]
     probs = [_softmax(e) for e in embeddings]
     for step in range(config.num_steps):
         hard = config.annealed and is_hard(step, config.num_steps)
@@ -146,7 +144,8 @@ def _optimised(
                 probs[s] = _relabelled(probs[s], costs[s], graphs[s], config, step)
                 continue
             _, gradient = soft_objective(embeddings[s], costs[s], graphs[s], config, temperature)
-            adams[s].step({"rho": embeddings[s]}, {"rho": gradient})
+            way = direction(moments[s], gradient, step, ADAM_BETAS, ADAM_EPSILON)
+            embeddings[s] = embeddings[s] - config.learning_rate * way
             probs[s] = _softmax(embeddings[s] / temperature)
     return probs
 

@@ -9,9 +9,8 @@ from scipy.spatial.distance import cdist
 from part2gs_robotics.model.arrays import F64, I64
 from part2gs_robotics.model.points import farthest, outermost
 
-# ArtGS matches at most 5000 samples; the assignment is O(n^3), and 2000 take 1.5 s on one core
-MAX_MATCHES = 5000
-NUM_MATCHES = 2000
+MAX_MATCHES = 5000  # samples: ArtGS matches no more
+NUM_MATCHES = 2000  # the assignment is O(n^3): so many take 1.5 s on one core
 
 
 def match_hungarian(points0: F64, points1: F64, num_matches: int = NUM_MATCHES) -> I64:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -11,10 +9,6 @@ from part2gs_robotics.model.arrays import F64, I64
 from part2gs_robotics.model.gaussians import Gaussians
 from part2gs_robotics.model.points import tree_of
 from part2gs_robotics.model.se3 import rotation_from_quats
-
-if TYPE_CHECKING:
-    pass
-
 
 CANDIDATES = 3  # candidates per kept neighbour; 3 k of a surface still lie within two spacings
 HARD_FROM = 2 / 3  # identities are hard in the last third (method 6.5)

@@ -10,10 +10,9 @@ from part2gs_robotics.model.arrays import F64
 from part2gs_robotics.model.scene import StateViews
 
 VIEWS, POINTS = 12, 400  # views compared with each other, points of each: 60,000 projections
-MASK_ON = 128
+MASK_ON = 128  # alpha above half counts as object, as in silhouettes.py
 SLACK = 2  # px around a mask: rounding of edges and of resized depth
-# Nine captured objects: 0.99 to 1.00 with 1 % noise; 0.34 to 0.62 a tenth too small, 0.32 to 0.845
-# a fifth too large.
+# Nine captured objects 0.99 up with 1 % noise; a tenth too small 0.62, a fifth too large 0.845.
 MIN_INSIDE = 0.85
 
 

@@ -28,7 +28,7 @@ from part2gs_robotics.runtime.simd import LANES, Lane, gather, root, splat, wher
 GRADS = 10  # per intersection: moments of v (1, dx, dy, dx dx, dx dy, dy dy), r, g, b, z
 SUMS = 16  # numbers between the summed gradients of two Gaussians of a block
 RESULTS = LANES * SUMS  # where a block's results begin: means, quats, scales, norm on screen
-CARRY_SIZE = RESULTS + 11 * LANES
+CARRY_SIZE = RESULTS + 11 * LANES  # 3 + 4 + 3 + 1 rows of results
 
 
 @inlined

@@ -39,9 +39,7 @@ from part2gs_robotics.render.tiles import (
 from part2gs_robotics.runtime.buffers import Workspace
 from part2gs_robotics.runtime.simd import LANES
 
-# Internal units, 1/400 of a camera's distance (scene_frame.py): in front of this z a Gaussian's
-# Jacobian is meaningless (gsplat's value).
-NEAR = 0.01
+NEAR = 0.01  # internal units, 1/400 of a camera's distance: nearer, Jacobians mean nothing (gsplat)
 TILE = TILE_Y * LANES
 
 

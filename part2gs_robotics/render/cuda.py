@@ -30,9 +30,7 @@ if TYPE_CHECKING:
 DEVICE = "cuda"
 NEAR = 0.01  # internal units, as in render_cpu
 LOW_PASS = 0.3  # pixels^2 added to the 2-D covariance, as in render_cpu
-# gsplat 1.5.3 clamps alpha at 0.999 and leaves out the Gaussian that would end a pixel: up to a
-# tenth of the light would never be stopped. At 0.99, render_cpu's clamp, a hundredth is the most.
-OPACITY_MAX = 0.99
+OPACITY_MAX = 0.99  # as in cpu.py: 1 % of light is lost at most, with gsplat 1.5.3's 0.999 a tenth
 TINY = 1e-30  # squared norm: below, float32 has no direction left to normalise
 
 

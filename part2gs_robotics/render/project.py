@@ -36,8 +36,7 @@ from part2gs_robotics.runtime.simd import (
     where_ge,
 )
 
-# mx, my, a, b, c, log-opacity, upper bound, r, g, b, z, then the ellipse for render_bins: x of its
-# top, slope B / A, its squared half height at x = 0 and what x^2 takes off that; one cache line
+# A cache line: mx, my, a, b, c, log-opacity, bound, r, g, b, z, four numbers of the ellipse's rows.
 PACKED = 16
 FOV_MARGIN = 0.3  # of tan(fov / 2) outside the image where the Jacobian is frozen (3DGS: 1.3 x)
 ALPHA_MAX = 0.99  # 3DGS: keeps 1 / (1 - alpha) bounded
@@ -45,7 +44,7 @@ ALPHA_MIN = 1.0 / 255.0  # 3DGS: one grey level
 EXP_SCALE = 8.0  # exponents are stored divided by 8, see render_forward
 BLOCKS = 32  # of eight Gaussians that a thread takes at once
 BOX = PACKED  # first of four columns of a block's results after those of packed, then visibility
-PROJECT_SIZE = (PACKED + 5) * LANES
+PROJECT_SIZE = (PACKED + 5) * LANES  # packed, box and visibility
 
 
 @inlined
@@ -80,6 +79,8 @@ def _project_block(i: int, n: int, means: Floats, quats: Floats, scales: Floats,
     put(s, 5, log_opacity / EXP_SCALE)
     put(s, 6, least(log_opacity, splat(math.log(ALPHA_MAX))) / EXP_SCALE)
     put(s, 10, t[2])
+    # The ellipse for tiles.py: x of its top, slope B / A, its squared half height at x = 0 and what
+    # x^2 takes off that.
     put(s, 11, b / c * extent_y)
     put(s, 12, b / a)
     put(s, 13, det / a * level)

@@ -17,8 +17,8 @@ from part2gs_robotics.runtime.jit import inlined, parallel_kernel
 
 Floats = NDArray[np.floating]
 
-C0 = math.sqrt(1 / (4 * math.pi))
-C1 = math.sqrt(3 / (4 * math.pi))
+C0 = math.sqrt(1 / (4 * math.pi))  # degree 0: 1
+C1 = math.sqrt(3 / (4 * math.pi))  # degree 1: y, z, x
 C2A = math.sqrt(15 / (4 * math.pi))  # xy, yz, xz; half of it for xx - yy
 C2B = math.sqrt(5 / (16 * math.pi))  # 2 zz - xx - yy
 C3A = math.sqrt(35 / (32 * math.pi))  # y (3 xx - yy), x (xx - 3 yy)

@@ -14,8 +14,8 @@ Place = Callable[[NDArray[np.float64]], NDArray[np.float64]]
 Curve = tuple[str, Sequence[tuple[float, float]]]
 
 MAX_PICTURE_PX = 400  # eight pictures of this size keep the report below about 2 MB
-_WIDTH, _HEIGHT = 640, 260
-_LEFT, _RIGHT, _TOP, _BOTTOM = 46, 150, 12, 34
+_WIDTH, _HEIGHT = 640, 260  # px of a chart at its full size
+_LEFT, _RIGHT, _TOP, _BOTTOM = 46, 150, 12, 34  # px around it: numbers, curves' names, air, axis
 _COLOURS = ("var(--series-1)", "var(--series-2)", "var(--series-3)", "var(--series-4)")
 
 

@@ -14,7 +14,7 @@ from part2gs_robotics.report.figures import bars_html, curve_svg, png_uri
 from part2gs_robotics.report.style import STYLE
 
 _POLICY = "default-src 'none'; img-src data:; style-src 'unsafe-inline'"
-_VERDICTS = {0: ("pass", "built, checks pass"), 1: ("fail", "built, checks fail")}
+_VERDICTS = {0: ("pass", "built, checks pass"), 1: ("fail", "built, checks fail")}  # by exit code
 _TALL = 14  # rows above which a list starts folded
 
 

@@ -52,11 +52,14 @@ class Adam:
         for name, grad in grads.items():
             value = params[name]
             if name not in self.first:
-                self.first[name] = np.zeros_like(value)
-                self.second[name] = np.zeros_like(value)
-            _update(value.reshape(-1), grad.reshape(-1), self.first[name].reshape(-1),
+                self.first[name] = np.zeros(value.shape, value.dtype)
+                self.second[name] = np.zeros(value.shape, value.dtype)
+            flat = value.reshape(-1)  # a copy where columns lie one after another
+            _update(flat, grad.reshape(-1), self.first[name].reshape(-1),
                     self.second[name].reshape(-1), self.rates[name] / fix1, 1 / fix2**0.5,
                     1 - one, 1 - two, self.epsilon)
+            if not value.flags.c_contiguous:
+                value[...] = flat.reshape(value.shape)
 
     def select(self, index: NDArray[np.bool_] | NDArray[np.int64]) -> None:
         """Keep the moments of the rows picked by a mask or by indices."""
@@ -70,6 +73,28 @@ class Adam:
             for name, value in moments.items():
                 rows = np.zeros((count, *value.shape[1:]), value.dtype)
                 moments[name] = np.concatenate([value, rows])
+
+
+def direction(moments: tuple[Floats, Floats], gradient: Floats, step: int,
+              betas: tuple[float, float], epsilon: float) -> Floats:
+    """Return what Adam subtracts per unit of the rate, and update the moments in place.
+
+    The same as `Adam.step` up to rounding, in the dtype of the gradient throughout: for labels
+    that exact ties decide, which arithmetic in float64 would break.
+
+    Args:
+        moments: running means of the gradient and of its square, zero at first.
+        gradient: as the moments.
+        step: updates done before.
+        betas: how much of the running means is kept in a step.
+        epsilon: in units of the gradient.
+    """
+    (first, second), (one, two) = moments, betas
+    first += (1.0 - one) * (gradient - first)
+    second += (1.0 - two) * (gradient * gradient - second)
+    unbiased = first / (1.0 - one ** (step + 1))
+    scale = np.sqrt(second / (1.0 - two ** (step + 1))) + epsilon
+    return np.asarray(unbiased / scale, gradient.dtype)
 
 
 @parallel_kernel

@@ -23,7 +23,7 @@ VARIABLE = "NUMBA_CACHE_DIR"
 NAME = "part2gs-robotics"
 UNUSED_DAYS = 30  # kernels of older code are kept so long: who goes back and forth compiles once
 _DIGITS = 16  # of a hash in a folder's name
-_DAY = 86400.0
+_DAY = 86400.0  # seconds
 
 
 class Clock(Protocol):

@@ -19,7 +19,7 @@ from numba.extending import intrinsic, models, overload, register_model
 LANES = 8  # float32 numbers in an AVX register
 FLAGS = ("contract", "nsz")  # fused multiply-add; no reordering, NaN and infinity stay as they are
 
-_INTS = ir.VectorType(ir.IntType(32), LANES)
+_INTS = ir.VectorType(ir.IntType(32), LANES)  # the bits of as many float32 numbers
 Lane = Any  # a Lanes value in annotations: Numba types it, Python never sees one
 
 

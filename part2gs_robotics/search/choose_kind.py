@@ -18,8 +18,7 @@ CORRELATED = 20.0  # neighbouring surfels share their depth error: this many cou
 OUTLIER = 9.0  # squared residual in sigmas beyond which a surfel is no evidence (3 sigma)
 FAR_HINGE = 0.3  # of the diagonal: a hinge line this far from its part is attached to nothing
 FAR_PRICE = 20.0  # twice a "very strong" BIC difference
-# Of a slide's misfit that a hinge far from its part must explain: depth bent as a whole, which no
-# noise model knows, lets a turn of a few degrees save 4 %; real hinges save 45 % and more.
+# Of a slide's misfit that a far hinge must explain: bent depth saves 4 %, true ones 45 % and more.
 FAR_SHARE = 0.2
 SMALL_TURN = np.deg2rad(8.0)  # rad; bent depth makes a slide look like a turn of a few degrees
 KINDS: tuple[JointKind, ...] = ("prismatic", "revolute", "screw")  # tried in this order

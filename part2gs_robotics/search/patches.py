@@ -22,7 +22,7 @@ TURN_STEP = np.deg2rad(5.0)  # a patch at half a diagonal moves 4 % of the diago
 PIVOT_STEP = 0.04  # of the diagonal
 MAX_SLIDE = 0.6  # of the diagonal: longer than any drawer of the object itself
 KEPT = 12  # motions per axis and kind: the next ones land a patch beside the best
-MAX_TURN = np.deg2rad(180.0)
+MAX_TURN = np.deg2rad(180.0)  # either way: every turn there is
 
 
 def slides(axes: F64, diag: float) -> list[Joint]:

@@ -20,8 +20,8 @@ from part2gs_robotics.search.patches import SLIDE_STEP
 
 SLIDE_SNAP = np.deg2rad(40.0)  # a drawer front sliding over itself leaves its direction nearly free
 TURN_SNAP = np.deg2rad(12.0)  # a hinge seen through a whole door is off by less
-LONGEST_SLIDE = 0.5  # of the diagonal: a drawer is not longer than its cabinet
-MAX_FAMILIES = 3  # directions, and those of edges: a cabinet has one, space has three
+LONGEST_SLIDE = 0.5  # of the diagonal: a drawer is not longer than what holds it
+MAX_FAMILIES = 3  # directions, and those of edges: drawers side by side have one, space has three
 SAME_MOTION = 0.004  # of the diagonal: half a grid step, within the reach of refinement
 
 

@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 
 from part2gs_robotics.fit.step import draw, params_of
+from part2gs_robotics.model.gaussians import Splats
 from part2gs_robotics.render import cpu as render_cpu
 from part2gs_robotics.render.cpu import render
 
@@ -27,8 +28,8 @@ def drawn(load: Load, kernel: ModuleType) -> tuple[Any, Any]:
     rng = np.random.default_rng(3)
     d_color, d_alpha, d_depth = (rng.normal(size=(SIDE, SIDE, *more)).astype(np.float32)
                                  for more in ((3,), (), ()))
-    rendered = kernel.render(*scene.box_surface(900), scene.corner_view(), scene.intrinsics(SIDE),
-                             SIDE, SIDE, background=BEHIND)
+    rendered = kernel.render(scene.box_surface(900), scene.camera(scene.corner_view(), SIDE),
+                             background=BEHIND)
     return rendered, kernel.render_backward(rendered, d_color, d_alpha, d_depth)
 
 
@@ -52,13 +53,13 @@ def test_the_yardstick_has_the_same_gradients(load: Load):
 
 def test_pairs_of_one_gaussian_are_its_pixels(load: Load):
     count, naive, scene = load("raster_pairs"), load("raster_naive"), load("raster_scene")
-    one = (np.zeros((1, 3), np.float32), np.array([[1, 0.3, 0.2, 0.1]], np.float32),
-           np.array([[0.05, 0.15, 0.02]], np.float32), np.full(1, 0.8, np.float32),
-           np.ones((1, 3), np.float32))
-    camera = (scene.corner_view(), scene.intrinsics(SIDE), SIDE, SIDE)
-    ours = render(*one, *camera)
+    one = Splats(np.zeros((1, 3), np.float32), np.array([[1, 0.3, 0.2, 0.1]], np.float32),
+                 np.array([[0.05, 0.15, 0.02]], np.float32), np.full(1, 0.8, np.float32),
+                 np.ones((1, 3), np.float32))
+    camera = scene.camera(scene.corner_view(), SIDE)
+    ours = render(one, camera)
     covered = int((ours.alpha >= 1 / 255).sum())
-    evaluated, useful = count.naive_pairs(naive.render(*one, *camera))
+    evaluated, useful = count.naive_pairs(naive.render(one, camera))
     assert useful == covered
     assert covered < evaluated < SIDE * SIDE
     assert covered <= count.evaluated_pairs(ours) <= SIDE * (SIDE + 8)
@@ -70,14 +71,14 @@ def test_pairs_behind_stopped_pixels_are_not_counted(load: Load):
     sheets = 10
     means = np.stack([np.zeros(sheets), np.zeros(sheets), np.linspace(0, 1, sheets)], 1)
     # Far wider than the image: 0.95 everywhere, so T = 0.05^4 < 1e-4 stops every pixel at the 4th.
-    cloud = tuple(array.astype(np.float32) for array in (
+    cloud = Splats(*(array.astype(np.float32) for array in (
         means, np.tile([1.0, 0, 0, 0], (sheets, 1)), np.tile([40.0, 40.0, 0.01], (sheets, 1)),
-        np.full(sheets, 0.95), np.ones((sheets, 3))))
+        np.full(sheets, 0.95), np.ones((sheets, 3)))))
     view = np.eye(4)
     view[2, 3] = scene.DISTANCE
-    camera = (view, scene.intrinsics(SIDE), SIDE, SIDE)
-    assert count.naive_pairs(naive.render(*cloud, *camera)) == (4 * SIDE**2, 4 * SIDE**2)
-    assert count.evaluated_pairs(render(*cloud, *camera)) >= 4 * SIDE**2
+    camera = scene.camera(view, SIDE)
+    assert count.naive_pairs(naive.render(cloud, camera)) == (4 * SIDE**2, 4 * SIDE**2)
+    assert count.evaluated_pairs(render(cloud, camera)) >= 4 * SIDE**2
 
 
 def test_quick_writes_the_promised_json(load: Load, tmp_path: Path,
@@ -119,11 +120,11 @@ def test_a_full_run_draws_its_figure(load: Load, tmp_path: Path):
 def test_a_fit_can_draw_with_the_yardstick(load: Load):
     scene, naive = load("raster_scene"), load("raster_naive")
     params = params_of(scene.gaussians_of(scene.box_surface(50)))
-    camera = (scene.corner_view(), scene.intrinsics(32), 32, 32, BEHIND)
+    camera = scene.camera(scene.corner_view(), 32)
     d_color = np.ones((32, 32, 3), np.float32)
     with load("raster_fits").yardstick():
         fit = sys.modules["part2gs_robotics.fit.fit_state"]
-        rendered = draw(params, *camera)
+        rendered = draw(params, camera, BEHIND)
         assert isinstance(rendered, naive.NaiveRendered)
         assert fit.render_backward(rendered, d_color).means.any()
-    assert not isinstance(draw(params, *camera), naive.NaiveRendered)
+    assert not isinstance(draw(params, camera, BEHIND), naive.NaiveRendered)

@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
 from part2gs_robotics.capture.cameras import FOV_RAD, place_cameras
-from part2gs_robotics.capture.capture import capture, parse_states
+from part2gs_robotics.capture.capture import Shots, capture
+from part2gs_robotics.capture.joint_states import parse_states
 from part2gs_robotics.cli import main
 from part2gs_robotics.config import ReadConfig
 from part2gs_robotics.errors import CheckError, ConfigError, SceneError
@@ -70,7 +71,7 @@ def box_corners(centre: list[float], half: list[float]) -> NDArray[np.float64]:
 
 
 def test_a_ball_lies_where_its_camera_says_to_a_tenth_of_a_pixel(model: Make, tmp_path: Path):
-    scene = capture(model(BALL), tmp_path / "s", views=4, size=64).scene
+    scene = capture(model(BALL), tmp_path / "s", Shots(4, size=64)).scene
     for index in range(4):
         picture, viewmat, focal = read_view(scene, "start", index)
         alpha = picture[..., 3] / 255.0
@@ -85,7 +86,7 @@ def test_a_ball_lies_where_its_camera_says_to_a_tenth_of_a_pixel(model: Make, tm
 
 
 def test_depth_of_a_ball_is_its_nearest_point_in_thousandths(model: Make, tmp_path: Path):
-    scene = capture(model(BALL), tmp_path / "s", views=4, size=64, depth=True).scene
+    scene = capture(model(BALL), tmp_path / "s", Shots(4, size=64, depth=True)).scene
     _, viewmat, focal = read_view(scene, "end", 2)
     depth = cv2.imread(str(scene / "end/train/depth/0002.png"), cv2.IMREAD_UNCHANGED)
     (uv,), (z,) = project(np.array([[0.4, -0.2, 1.0]]), viewmat, focal, 64)
@@ -99,7 +100,7 @@ def test_depth_of_a_ball_is_its_nearest_point_in_thousandths(model: Make, tmp_pa
 
 def test_outlines_match_the_truth_in_both_states(model: Make, tmp_path: Path):
     states = {"slide": (0.02, 0.18)}
-    done = capture(model(BOX), tmp_path / "s", views=5, size=96, states=states)
+    done = capture(model(BOX), tmp_path / "s", Shots(5, size=96), states)
     truth = json.loads((done.truth / "gt.json").read_text())
     (part,) = truth["parts"]
     assert (part["type"], part["parent"], part["q"]) == ("prismatic", 0, [0.02, 0.18])
@@ -121,7 +122,7 @@ def test_outlines_match_the_truth_in_both_states(model: Make, tmp_path: Path):
 
 
 def test_truth_states_axes_so_that_motions_are_positive(model: Make, tmp_path: Path):
-    done = capture(model(BOX), tmp_path / "s", views=4, size=32, states={
+    done = capture(model(BOX), tmp_path / "s", Shots(4, size=32), {
         "slide": (0.15, 0.05), "turn": (0.0, -0.7),
     })  # fmt: skip
     slide, turn = json.loads((done.truth / "gt.json").read_text())["parts"]
@@ -134,21 +135,21 @@ def test_truth_states_axes_so_that_motions_are_positive(model: Make, tmp_path: P
 
 
 def test_default_states_cover_the_range(model: Make, tmp_path: Path):
-    done = capture(model(BOX), tmp_path / "s", views=4, size=32)
+    done = capture(model(BOX), tmp_path / "s", Shots(4, size=32))
     slide, turn = json.loads((done.truth / "gt.json").read_text())["parts"]
     assert slide["q"] == pytest.approx([0.01, 0.15])  # 5 % and 75 % of 0.2
     assert turn["q"] == pytest.approx([0.0, np.pi / 4])  # unlimited
 
 
 def test_a_captured_scene_is_a_scene(model: Make, tmp_path: Path):
-    scene = capture(model(BOX), tmp_path / "s", views=24, test_views=2, size=64).scene
+    scene = capture(model(BOX), tmp_path / "s", Shots(24, test_views=2, size=64)).scene
     read = read_scene(scene, ReadConfig())
     assert [len(state) for state in read.states] == [24, 24]
     assert len(list(scene.glob("end/test/rgba/*.png"))) == 2
 
 
 def test_urdf_visuals_are_photographed(model: Make, tmp_path: Path):
-    scene = capture(model(URDF, "model.urdf"), tmp_path / "s", views=4, size=48).scene
+    scene = capture(model(URDF, "model.urdf"), tmp_path / "s", Shots(4, size=48)).scene
     assert all((read_view(scene, "end", i)[0][..., 3] == 255).sum() > 100 for i in range(4))
 
 
@@ -156,7 +157,7 @@ def test_glass_shows_the_surface_that_alpha_and_depth_show(model: Make, tmp_path
     pictures = []
     for name, opacity in (("solid", "1"), ("glass", ".2")):
         path = model(BALL.replace(".8 .2 .1 1", f".8 .2 .1 {opacity}"))
-        scene = capture(path, tmp_path / name, views=4, size=32).scene
+        scene = capture(path, tmp_path / name, Shots(4, size=32)).scene
         pictures.append(read_view(scene, "start", 0)[0])
     np.testing.assert_array_equal(*pictures)
 
@@ -164,7 +165,7 @@ def test_glass_shows_the_surface_that_alpha_and_depth_show(model: Make, tmp_path
 def test_the_same_seed_gives_the_same_bytes(model: Make, tmp_path: Path):
     path = model(BOX)
     first, same, other = (
-        capture(path, tmp_path / name, views=4, size=32, seed=seed).scene
+        capture(path, tmp_path / name, Shots(4, size=32, seed=seed)).scene
         for name, seed in (("a", 1), ("b", 1), ("c", 2))
     )
     files = sorted(p.relative_to(first) for p in first.rglob("*.*"))
@@ -208,8 +209,10 @@ def test_every_camera_holds_the_object_and_stands_apart():
 def test_bad_input_is_named_and_leaves_nothing(
     model: Make, tmp_path: Path, text: str, options: dict, error: type, message: str
 ):
+    states = options.get("states")
+    numbers = {name: value for name, value in options.items() if name != "states"}
     with pytest.raises(error, match=message):
-        capture(model(text), tmp_path / "s", **options)
+        capture(model(text), tmp_path / "s", Shots(**numbers), states)
     assert [p.name for p in tmp_path.iterdir()] == ["model"]
 
 
@@ -236,19 +239,19 @@ def test_two_moving_joints_of_one_body_are_refused(model: Make, tmp_path: Path):
     extra = '<joint name="lift" type="slide" axis="0 0 1" range="0 1"/><joint name="slide"'
     path = model(BOX.replace('<joint name="slide"', extra))
     with pytest.raises(ConfigError, match="'drawer' has several moving joints"):
-        capture(path, tmp_path / "s", views=4, size=32)
-    capture(path, tmp_path / "s", views=4, size=32, states={"lift": (0, 1)})
+        capture(path, tmp_path / "s", Shots(4, size=32))
+    capture(path, tmp_path / "s", Shots(4, size=32), {"lift": (0, 1)})
 
 
 def test_existing_work_is_never_overwritten(model: Make, tmp_path: Path):
     (tmp_path / "s").mkdir()
     (tmp_path / "s/precious.txt").write_text("kept")
     with pytest.raises(SceneError, match="exists and is not empty"):
-        capture(model(BOX), tmp_path / "s", views=4, size=32)
+        capture(model(BOX), tmp_path / "s", Shots(4, size=32))
     assert (tmp_path / "s/precious.txt").read_text() == "kept"
 
 
 def test_an_unwritable_place_is_named(model: Make, tmp_path: Path):
     (tmp_path / "file").write_text("")
     with pytest.raises(SceneError, match="cannot be written"):
-        capture(model(BOX), tmp_path / "file/s", views=4, size=32)
+        capture(model(BOX), tmp_path / "file/s", Shots(4, size=32))

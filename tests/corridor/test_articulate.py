@@ -5,11 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from part2gs_robotics.articulate import _about_number, _decide, articulate
+from part2gs_robotics.articulate import _about_number, _require_parts, articulate
 from part2gs_robotics.config import ArticulateConfig
+from part2gs_robotics.decide.grow import decide
+from part2gs_robotics.decide.judge import Judge
 from part2gs_robotics.errors import FitError
+from part2gs_robotics.evidence.canonical import canonical
 from part2gs_robotics.evidence.depth_maps import observe, render_depth_maps
-from part2gs_robotics.evidence.study import gather
 from part2gs_robotics.model import se3
 
 VIEWS = 24
@@ -39,7 +41,7 @@ def test_a_drawer_and_a_door_are_found(toy):
         [base, toy.Box(*block, 2, slide), toy.Box(*door, 3, turn)],
         side=160, centre=(0.4, 0.1, 0.35), diag=1.25)
     told = []
-    motion = articulate(scene, gaussians, ArticulateConfig(), lambda *a: told.append(a))
+    motion = articulate(canonical(scene, gaussians), ArticulateConfig(), lambda *a: told.append(a))
     assert sorted(j.kind for j in motion.joints) == ["prismatic", "revolute"]
     by_kind = {j.kind: j for j in motion.joints}
     assert degrees_between(by_kind["prismatic"].axis, np.array([1.0, 0, 0])) < 2.0
@@ -68,7 +70,7 @@ def slid_block(toy):
 
 @pytest.mark.slow
 def test_a_single_slide_is_found_without_being_told_the_number(toy):
-    motion = articulate(*slid_block(toy), ArticulateConfig())
+    motion = articulate(canonical(*slid_block(toy)), ArticulateConfig())
     joint, = motion.joints
     assert joint.kind == "prismatic"
     assert motion.parents == (0,)
@@ -79,7 +81,7 @@ def test_a_single_slide_is_found_without_being_told_the_number(toy):
 @pytest.mark.slow
 def test_the_same_input_gives_the_same_motion(toy):
     scene, gaussians = slid_block(toy)
-    one, two = (articulate(scene, gaussians, ArticulateConfig()) for _ in range(2))
+    one, two = (articulate(canonical(scene, gaussians), ArticulateConfig()) for _ in range(2))
     assert one.joints[0].value == two.joints[0].value
     assert np.array_equal(one.joints[0].axis, two.joints[0].axis)
     assert np.array_equal(one.part_probs[0], two.part_probs[0])
@@ -92,15 +94,16 @@ def test_small_images_are_enough(toy):
     slide = se3.make(np.eye(3), np.array([0.3, 0, 0]))
     scene, gaussians = observed(toy, [base, toy.Box(*block, 2)],
                                 [base, toy.Box(*block, 2, slide)], side=96, diag=1.5)
-    joint, = articulate(scene, gaussians, ArticulateConfig()).joints
+    joint, = articulate(canonical(scene, gaussians), ArticulateConfig()).joints
     assert degrees_between(joint.axis, np.array([1.0, 0, 0])) < 2.0
     assert joint.value == pytest.approx(0.3, rel=0.03)
 
 
 def test_without_a_motion_that_pays_the_input_is_refused(toy):
     scene, gaussians = slid_block(toy)
+    found, _ = decide(Judge(toy.study_of(scene, gaussians)), [], None)
     with pytest.raises(FitError, match=r"toy: no rigid motion.*Expected at least one part.*check"):
-        _decide(gather(scene, gaussians), [], None, scene)
+        _require_parts(found, scene)
 
 
 def test_when_nothing_moves_the_message_says_what_where_and_what_to_do(toy):
@@ -108,7 +111,7 @@ def test_when_nothing_moves_the_message_says_what_where_and_what_to_do(toy):
     scene, gaussians = observed(toy, boxes, boxes)
     with pytest.raises(FitError, match=r"toy: only 0 of \d+ surface points moved.*"
                                        r"Expected at least 0\.4%.*Photograph"):
-        articulate(scene, gaussians, ArticulateConfig())
+        articulate(canonical(scene, gaussians), ArticulateConfig())
 
 
 @pytest.mark.parametrize(("asked", "found", "short", "words"), [

@@ -9,26 +9,25 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from image_measures import ssim
 from synth_photos import write_ball_scene
 
 from part2gs_robotics.build import build
 from part2gs_robotics.config import ArticulateConfig, resolve
 from part2gs_robotics.errors import FitError
-from part2gs_robotics.evidence.study import gather
 from part2gs_robotics.evidence.surfels import Surfels
 from part2gs_robotics.fit import fit_state as fit
 from part2gs_robotics.fit.depth_smooth import smooth_term
 from part2gs_robotics.fit.fit_state import FitConfig, FitRun, fit_state
-from part2gs_robotics.fit.image_loss import photometric, ssim
+from part2gs_robotics.fit.image_loss import photometric
 from part2gs_robotics.fit.tones import tones_of
-from part2gs_robotics.joints.align import align
+from part2gs_robotics.joints.align import AlignmentProblem, align
 from part2gs_robotics.model.gaussians import Gaussians
 from part2gs_robotics.model.joint import Joint
 from part2gs_robotics.model.scene import Scene
 from part2gs_robotics.model.small_views import SmallViews
 from part2gs_robotics.paper.pull import physical_steps
 from part2gs_robotics.search.choose_kind import choose_joint
-from part2gs_robotics.search.hypothesis import Hypothesis
 
 pytestmark = pytest.mark.usefixtures("one_numba_thread", "one_torch_thread")
 CONFIG = FitConfig(steps=12, half_steps=2, start_gaussians=100, max_gaussians=200,
@@ -108,7 +107,7 @@ def test_without_a_gradient_a_joint_stays_and_is_known_badly(kind, seen):
     joint = Joint(kind, np.array([0.6, 0, 0.8]), np.array([0.1, 0.2, 0.0]), 0.3)
     views = wall_views(0.495 if seen == "the same colour" else 0.8)
     label = np.zeros(1, np.int64) if seen == "nothing of the part" else np.ones(1, np.int64)
-    found, = align((wall(), wall()), (label, label), [joint], (views, views), 1.0)
+    found, = align(AlignmentProblem((wall(), wall()), (label, label), (views, views), 1.0), [joint])
     np.testing.assert_allclose(found.axis, joint.axis, atol=1e-4)
     np.testing.assert_allclose(found.origin, joint.origin, atol=1e-4)
     assert found.value == pytest.approx(joint.value, abs=1e-4)
@@ -126,12 +125,12 @@ def test_a_knob_that_turns_about_its_own_centre_has_a_kind(slid):
     none = own.select(np.zeros(0, np.int64))
     lands = slid.states[0].land, slid.states[1].land
     for value in (0.8, np.pi):
-        knob = Hypothesis(1, np.array([0.0, 0, 1]), own.points.mean(0), value)
+        knob = Joint("revolute", np.array([0.0, 0, 1]), own.points.mean(0), value)
         joint = choose_joint(knob, (own, none), lands, 0.03, 1.4, 0.5)
         assert joint.kind == "revolute"
         assert joint.value == pytest.approx(value)
         assert np.isfinite([*joint.bic.values()]).all()
-    still = Hypothesis(0, np.array([1.0, 0, 0]), np.zeros(3), 0.0)
+    still = Joint("prismatic", np.array([1.0, 0, 0]), np.zeros(3), 0.0)
     joint = choose_joint(still, (own, none), lands, 0.03, 1.4, 0.5)
     assert np.isfinite([*joint.axis, *joint.origin, joint.value, *joint.bic.values()]).all()
 
@@ -222,8 +221,8 @@ def test_a_nan_stops_the_build_and_the_last_good_result_is_named(tmp_path, monke
     assert not list(out.rglob("*.tmp-*"))
 
 
-def test_a_state_whose_gaussians_show_nothing_is_named(photos):
+def test_a_state_whose_gaussians_show_nothing_is_named(toy, photos):
     gone = replace(start(photos), means=start(photos).means + np.float32(1e6))
     scene = Scene(Path("toy"), "toy", (photos, photos))
     with pytest.raises(FitError, match="state 0: the fitted Gaussians show no surface"):
-        gather(scene, (gone, gone))
+        toy.study_of(scene, (gone, gone))

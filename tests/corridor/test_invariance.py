@@ -10,24 +10,22 @@ import numpy as np
 import pytest
 
 from part2gs_robotics.config import ArticulateConfig
-from part2gs_robotics.evidence.canonical import canonical_field
 from part2gs_robotics.evidence.depth_maps import DepthMaps
 from part2gs_robotics.evidence.landing import build_landing
 from part2gs_robotics.evidence.surfels import Surfels
 from part2gs_robotics.fit.fit_state import FitConfig, FitRun
 from part2gs_robotics.fit.hull import carve
 from part2gs_robotics.fit.tones import tones_of
-from part2gs_robotics.joints.align import FINE, align
+from part2gs_robotics.joints.align import FINE, AlignmentProblem, align
 from part2gs_robotics.model import se3
-from part2gs_robotics.model.joint import Joint, move_of
+from part2gs_robotics.model.joint import Joint
 from part2gs_robotics.model.scene import Scene
 from part2gs_robotics.model.scene_frame import frame_of, internal, joint_in_scene
 from part2gs_robotics.model.small_views import SmallViews
 from part2gs_robotics.paper.identity import refine_identities
 from part2gs_robotics.paper.pull import part_diagnostics, physical_steps
 from part2gs_robotics.search.choose_kind import choose_joint
-from part2gs_robotics.search.hypothesis import Hypothesis
-from part2gs_robotics.search.patches import search_patch
+from part2gs_robotics.search.patches import Aim, search_patch
 from part2gs_robotics.search.refine import refine
 
 pytestmark = pytest.mark.usefixtures("one_numba_thread", "one_torch_thread")
@@ -97,7 +95,7 @@ def scaled_world(world, scale):
                          cameras_placed(seen.maps.viewmats, scale, np.eye(4)))
         s = surfels_placed(seen.surfels, scale, np.eye(4))
         box = np.full(3, -0.8 * scale), np.full(3, 1.5 * scale)
-        lands.append(build_landing(s, np.zeros(len(s)), maps, *box, 0.02 * scale, 0.1 * scale))
+        lands.append(build_landing(s, np.zeros(len(s)), maps, box, 0.02 * scale, 0.1 * scale))
         lo, hi = np.array(world.block.lo) - 0.005, np.array(world.block.hi) + 0.005
         sets.append(s.select(((s.points > scale * lo) & (s.points < scale * hi)).all(1)))
     return (sets[0], sets[1]), (lands[0], lands[1])
@@ -105,8 +103,8 @@ def scaled_world(world, scale):
 
 def guess_of(world, scale):
     if hasattr(world, "origin"):
-        return Hypothesis(1, world.axis, scale * (world.origin + 0.01), world.value * 1.03)
-    return Hypothesis(0, world.axis, scale * np.full(3, 0.3), scale * world.value * 1.03)
+        return Joint("revolute", world.axis, scale * (world.origin + 0.01), world.value * 1.03)
+    return Joint("prismatic", world.axis, scale * np.full(3, 0.3), scale * world.value * 1.03)
 
 
 @pytest.mark.parametrize("name", ["slid", "turned"])
@@ -119,8 +117,9 @@ def test_search_refinement_and_choice_do_not_know_the_unit(name, request):
         joint = choose_joint(guess_of(world, unit), own, lands, 0.03 * unit, 1.4 * unit, 0.5)
         patch = own[0].select(np.arange(0, len(own[0]), len(own[0]) // 20))
         box = np.full(3, -0.1 * unit), np.full(3, 0.9 * unit)
-        best = search_patch(patch, lands[1], np.eye(3)[[0, 2]], box, 0.05 * unit, True, 3)
-        length = unit if fine.kind == 0 else 1.0
+        aim = Aim(lands[1], box, 0.05 * unit, True)
+        best = search_patch(patch, aim, np.eye(3)[[0, 2]], keep=3)
+        length = 1.0 if fine.turns else unit
         found.append((unit, joint, fine.axis, fine.value / length, [cost for cost, _ in best]))
     for unit, joint, *rest in found[1:]:
         assert_same_joint(joint, joint_placed(found[0][1], unit, np.eye(4)), unit, np.zeros(3))
@@ -133,7 +132,7 @@ def test_search_refinement_and_choice_do_not_know_the_unit(name, request):
 def test_alignment_does_not_know_unit_or_place(toy, scale, rigid):
     truth = Joint("revolute", np.array([0.0, 0, -1]), np.array([0.0, -0.05, 0.3]), 0.8)
     boxes = [toy.Box((0, 0, 0), (0.8, 0.5, 0.6), 1), toy.Box((0, -0.05, 0), (0.8, -0.02, 0.6), 2)]
-    states = [boxes, [boxes[0], replace(boxes[1], move=move_of(truth))]]
+    states = [boxes, [boxes[0], replace(boxes[1], move=truth.state1_from_0)]]
     (g0, labels), (g1, _) = (toy.gaussians_of(b, 0.08) for b in states)
     Ks, eyes = toy.cameras(4, 64, np.array([0.4, 0.1, 0.3]), 1.3)
     photos = [toy.drawn(g, Ks, eyes, 64) for g in (g0, g1)]
@@ -144,8 +143,8 @@ def test_alignment_does_not_know_unit_or_place(toy, scale, rigid):
         views = tuple(SmallViews(p.images.astype(np.float32) / 255, p.alphas / np.float32(255), Ks,
                                  p.viewmats) for p in seen)
         both = tuple(gaussians_placed(g, *inside) for g in (g0, g1))
-        found = align(both, (labels, labels), [joint_placed(start, *inside)], views,
-                      1.2 * inside[0], FINE)
+        problem = AlignmentProblem(both, (labels, labels), views, 1.2 * inside[0])
+        found = align(problem, [joint_placed(start, *inside)], FINE)
         joints += [joint_in_scene(joint, frame) for joint in found]
     expected = joint_placed(joints[0], scale, world_of(scale, rigid))
     at = placed(truth.origin, scale, world_of(scale, rigid))
@@ -155,18 +154,18 @@ def test_alignment_does_not_know_unit_or_place(toy, scale, rigid):
 
 @pytest.mark.parametrize("rigid", [False, True])
 @pytest.mark.parametrize("scale", [1e-3, 1.0, 1e3])
-def test_field_and_identities_do_not_know_unit_or_place(toy, scale, rigid):
+def test_field_and_identities_do_not_know_unit_or_place(toy, load, scale, rigid):
     boxes = [toy.Box((0, 0, 0), (0.8, 0.5, 0.6), 1), toy.Box((0, -0.1, 0), (0.8, -0.02, 0.6), 2)]
     joint = Joint("prismatic", np.array([0.0, -1, 0]), np.zeros(3), 0.3)
     pair = [toy.gaussians_of(b, 0.07)[0] for b in (
-        boxes, [boxes[0], replace(boxes[1], move=move_of(joint))])]
+        boxes, [boxes[0], replace(boxes[1], move=joint.state1_from_0)])]
     rng, found = np.random.default_rng(0), []
     for g in pair:  # on a regular grid neighbours tie, and rounding picks among them
         g.means[:] += 0.01 * rng.normal(size=g.means.shape).astype(np.float32)
     costs = rng.random((len(pair[0]), 2)), rng.random((len(pair[1]), 2))
     for unit, move in ((1.0, np.eye(4)), (scale, world_of(scale, rigid))):
         both = gaussians_placed(pair[0], unit, move), gaussians_placed(pair[1], unit, move)
-        field = canonical_field(*both, num_matches=50)
+        field = load("averaged_field").canonical_field(*both, num_matches=50)
         probs = refine_identities(*costs, both, [joint_placed(joint, unit, move)])
         found.append((np.array(field.richness) / unit, field.richness_weight, probs))
     np.testing.assert_allclose(found[1][0], found[0][0], rtol=CLOSE)

@@ -11,8 +11,6 @@ import torch
 from scipy.spatial import cKDTree
 
 from part2gs_robotics.errors import FitError
-from part2gs_robotics.evidence.canonical import canonical_field
-from part2gs_robotics.runtime.adam import BETA1, BETA2, Adam
 from part2gs_robotics.fit.fit_state import RATES, FitConfig, FitRun
 from part2gs_robotics.fit.step import gaussians_of, opacity_term
 from part2gs_robotics.fit.tones import tones_of
@@ -24,10 +22,12 @@ from part2gs_robotics.paper import losses
 from part2gs_robotics.paper.identity import refine_identities
 from part2gs_robotics.paper.neighbourhood import part_neighbors
 from part2gs_robotics.paper.repel import repel_forces, repel_points
+from part2gs_robotics.runtime.adam import Adam
 
 pytestmark = pytest.mark.usefixtures("one_numba_thread", "one_torch_thread")
 MANY = 100_000
 VOXEL = 0.01
+BETA1, BETA2 = Adam({}).betas
 # Cauchy-Schwarz on the moments: |m| / sqrt(v) of any gradients, in rates; 7.27.
 LONGEST = (1 - BETA1) / np.sqrt((1 - BETA2) * (1 - BETA1**2 / BETA2))
 SLIDER = Joint("prismatic", np.array([1.0, 0, 0]), np.zeros(3), 0.5)
@@ -125,10 +125,10 @@ def test_coincident_gaussians_split_up_to_the_cap(photos):
 
 
 @pytest.mark.parametrize("paper_mode", [False, True])
-def test_states_of_one_place_have_a_field(paper_mode):
+def test_states_of_one_place_have_a_field(load, paper_mode):
     one, other = heap(MANY), replace(heap(MANY), means=heap(MANY).means + np.float32(0.5))
     for pair, moved in (((one, one), 0.0), ((one, other), 0.5 * 3**0.5)):
-        field = canonical_field(*pair, paper_mode=paper_mode, num_matches=100)
+        field = load("averaged_field").canonical_field(*pair, paper_mode, 100)
         assert field.richness == pytest.approx((moved, moved), rel=1e-6)
         assert field.richness_weight == pytest.approx(0.5)
         assert all(np.isfinite(g.means).all() for g in field.gaussians)
@@ -186,8 +186,8 @@ def test_physical_losses_of_coincident_points_are_finite(paper):
     found = (
         losses.contact_loss(points, cloud, lambda p: p[..., 0] - 0.3, paper=paper),
         losses.velocity_loss(points, cloud, weights, paper=paper),
-        losses.vector_field_loss(points, cloud, turn, way, weights, paper=paper),
-        losses.articulation_loss(turn[0], way[0], points, cloud, paper=paper))
+        losses.vector_field_loss(points, cloud, turn, way, weights, losses.Form(paper)),
+        losses.articulation_loss(turn[0], way[0], (points, cloud), form=losses.Form(paper)))
     sum(found).backward()
     assert all(torch.isfinite(one) for one in found)
     assert all(torch.isfinite(x.grad).all() for x in (points, turn, way))

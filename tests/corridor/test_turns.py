@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import torch
 
-from part2gs_robotics.joints.align_steps import at
+from part2gs_robotics.joints.solver import at
 from part2gs_robotics.model import se3
 from part2gs_robotics.model.joint import Joint
 from part2gs_robotics.paper.losses import articulation_loss, moved_points, rotation_angle
@@ -75,7 +75,7 @@ def test_the_turn_of_a_loss_has_a_finite_gradient(angle):
 
     eye, still = torch.eye(3, dtype=torch.float64, requires_grad=True), torch.zeros(3).double()
     assert torch.autograd.gradcheck(
-        lambda rot: articulation_loss(rot, still, points, points, other), eye, atol=1e-6)
+        lambda rot: articulation_loss(rot, still, (points, points), other), eye, atol=1e-6)
     rotation_angle(eye, other).backward()
     assert torch.isfinite(eye.grad).all()
 

@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 from scipy.sparse import csr_matrix
 
-from part2gs_robotics.decide.labelling import FOREIGN_COST, NEUTRAL_COST, Unary
-from part2gs_robotics.evidence.graph import Graph, ways_along
-from part2gs_robotics.joints import claim as reach
+from part2gs_robotics.decide import claim as claim_file
+from part2gs_robotics.decide.candidate import on_base
 from part2gs_robotics.decide.claim import (
     FAR_COST,
     LEAD,
@@ -23,6 +22,8 @@ from part2gs_robotics.decide.claim import (
     _proofs,
     claim,
 )
+from part2gs_robotics.decide.labelling import FOREIGN_COST, NEUTRAL_COST, Unary
+from part2gs_robotics.evidence.graph import Graph, ways_along
 from part2gs_robotics.model.joint import Joint
 
 COUNT = 41  # surfels in a row, a unit apart
@@ -129,12 +130,13 @@ def test_what_hangs_on_a_pulled_out_floor_is_the_drawers_and_no_rooms_wall_is_th
     none = np.full(costs.shape, -1)
     study = row_of_surfels()
     study.tau, study.diag, study.ways = 0.0, 60.0, ways_of(study)
-    monkeypatch.setattr(reach, "unary_costs", lambda *_: Unary(costs, none, costs))
-    monkeypatch.setattr(reach, "_passing", lambda *_: np.zeros(costs.shape))
-    monkeypatch.setattr(reach, "joined", lambda hard, *_: hard)
+    monkeypatch.setattr(claim_file, "unary_costs", lambda *_: Unary(costs, none, costs))
+    monkeypatch.setattr(claim_file, "_passing", lambda *_: np.zeros(costs.shape))
+    monkeypatch.setattr(claim_file, "joined", lambda hard, *_: hard)
     joint = Joint(kind, np.array([1.0, 0.0, 0.0]), np.zeros(3), 1.0)
     judge = SimpleNamespace(study=study, lands=None)
-    hard, _ = claim(judge, [joint], (np.arange(COUNT) >= 33).astype(np.int64), STAYS)
+    start = on_base([joint], (np.arange(COUNT) >= 33).astype(np.int64))
+    hard, _ = claim(judge, start, STAYS)
     assert not hard[:10].any()
     assert hard[20:].all()
     assert hard[18] == (kind == "prismatic")
@@ -153,8 +155,8 @@ def test_a_hidden_side_goes_with_the_part_it_hangs_on(slid) -> None:
                             ways=ways_along(pair, graph), straight=guides_of([]))
     joint = Joint("prismatic", slid.axis, np.array([0.2, 0.3, 0.4]), slid.value)
     judge = Judge(study)  # type: ignore[arg-type]
-    start = np.zeros(len(pair[0]) + len(pair[1]), np.int64)
-    hard, costs = claim(judge, [joint], start)
+    start = on_base([joint], np.zeros(len(pair[0]) + len(pair[1]), np.int64))
+    hard, costs = claim(judge, start)
     own = np.concatenate([s.points[:, 2] > slid.block.lo[2] + 0.04 for s in pair])
     below = np.concatenate([s.points[:, 2] < slid.block.lo[2] - 0.04 for s in pair])
     assert hard[own].mean() > 0.99

@@ -8,47 +8,44 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from part2gs_robotics.decide.candidate import MIN_MET, on_base
 from part2gs_robotics.decide.grow import NEARLY, _further, _otherwise, _two_at_once, decide
 from part2gs_robotics.decide.judge import (
-    ALL_MET,
-    INCOHERENT,
-    MIN_MET,
     MIN_SURFELS,
-    NONE_MET,
     PART_PRICE,
     PART_SHARE,
     SLOW_SHARE,
     Judge,
-    Verdict,
 )
 from part2gs_robotics.evidence.graph import build_graph
 from part2gs_robotics.evidence.guides import guides_of
 from part2gs_robotics.model import se3
-from part2gs_robotics.search.hypothesis import Hypothesis
+from part2gs_robotics.model.joint import Joint
 
 pytestmark = pytest.mark.usefixtures("one_numba_thread")
 X, Y, Z = np.eye(3)
 
 
-def silent(_text):
-    """Hear a step and keep it to oneself."""
-
-
 def slide(axis, value):
-    return Hypothesis(0, axis, np.array([0.2, 0.4, 0.4]), value)
+    return Joint("prismatic", axis, np.array([0.2, 0.4, 0.4]), value)
+
+
+def rescored(found, **scores):
+    """Return a judged candidate with other scores."""
+    return replace(found, judged=replace(found.scores, **scores))
 
 
 WRONG = {
     "across": slide(Y, 0.3), "up": slide(Z, 0.3), "backwards": slide(X, -0.3),
     "between": slide(X, 0.25), "still": slide(X, 0.0),
-    "turn": Hypothesis(1, Z, np.array([0.45, 0.4, 0.4]), np.pi),
+    "turn": Joint("revolute", Z, np.array([0.45, 0.4, 0.4]), np.pi),
 }
 
 
 @pytest.fixture(scope="module")
 def best_alone(judge, look_alikes):
     """The lower cost of one true motion: the longer way leaves less unexplained."""
-    return min(judge.judge([h]).cost for h in look_alikes.truth)
+    return min(judge.judge(on_base([h])).cost for h in look_alikes.truth)
 
 
 @pytest.mark.parametrize("world", ["slid", "turned"])
@@ -60,12 +57,13 @@ def test_no_wrong_motion_explains_surfels_as_well_as_the_true_one(world, request
                                   straight=guides_of([])))
     turning = world == "turned"
     origin = seen.origin if turning else np.array([0.2, 0.3, 0.4])
-    truth = Hypothesis(int(turning), seen.axis, origin, seen.value)
+    truth = Joint("revolute" if turning else "prismatic", seen.axis, origin, seen.value)
     hard, best = judge.sort_out([truth])
     assert judge.met([truth], hard)[0] >= MIN_MET
     tilt = se3.rotation_from_rotvec(np.deg2rad(15) * Y) @ seen.axis
     others = [replace(truth, value=f * seen.value) for f in (-1.0, 0.7, 1.3)]
-    others += [replace(truth, axis=tilt), replace(truth, kind=1 - truth.kind)]
+    others += [replace(truth, axis=tilt),
+               replace(truth, kind="prismatic" if turning else "revolute")]
     for other in others:
         assert judge.sort_out([other])[1] > best + PART_PRICE, other
     assert judge.sort_out([])[1] > best + 10 * PART_PRICE
@@ -73,55 +71,54 @@ def test_no_wrong_motion_explains_surfels_as_well_as_the_true_one(world, request
 
 @pytest.mark.parametrize("name", WRONG)
 def test_a_wrong_motion_beats_no_true_one(judge, right, best_alone, look_alikes, name):
-    assert judge.judge([WRONG[name]]).cost > best_alone + PART_PRICE
-    assert judge.judge([look_alikes.truth[0], WRONG[name]]).cost > right.cost + PART_PRICE
-    assert judge.judge([*look_alikes.truth, WRONG[name]]).cost > right.cost - PART_PRICE
+    assert judge.judge(on_base([WRONG[name]])).cost > best_alone + PART_PRICE
+    assert judge.judge(on_base([look_alikes.truth[0], WRONG[name]])).cost > right.cost + PART_PRICE
+    assert judge.judge(right.plus(WRONG[name])).cost > right.cost - PART_PRICE
 
 
 def test_both_true_motions_carry_their_own_blocks(judge, right, look_alikes):
     assert right.coherent
-    found = judge.study.gaussian_labels(right.hard)
+    found = judge.study.gaussian_labels(right.labels)
     for labels, owner, g in zip(found, look_alikes.owners, judge.study.gaussians, strict=True):
         away = g.means[:, 2] > 0.3  # the seam between block and base may go either way
         assert (labels == owner)[away].mean() > 0.97
         assert (labels == owner).mean() > 0.9
-    assert right.cost == pytest.approx(right.surfel_cost + right.image_cost)
+    assert right.cost == pytest.approx(right.scores.surfels + right.scores.images)
     assert all(judge.confidence(right, k) > 0.5 for k in (0, 1))
 
 
 def test_a_copy_does_not_pay_and_nobody_needs_it(judge, right, look_alikes):
-    first, second = look_alikes.truth
-    twice = judge.judge([first, second, replace(first)])
+    twice = judge.judge(right.plus(replace(look_alikes.truth[0])))
     assert twice.cost > right.cost - PART_PRICE
-    own = [(twice.hard == label).sum() for label in (1, 3)]
+    own = [(twice.labels == label).sum() for label in (1, 3)]
     assert min(own) < 0.05 * max(own), "copies do not share a block"
     assert max(judge.confidence(twice, k) for k in (0, 2)) < 0.05
 
 
 def test_a_part_carries_its_own_surfels_of_one_state_onto_those_of_the_other(judge, right):
-    n0, motions = len(judge.study.surfels[0]), list(right.motions)
-    one_way = np.where((np.arange(len(right.hard)) >= n0) & (right.hard == 1), 0, right.hard)
+    n0, motions = len(judge.study.surfels[0]), right.motions
+    one_way = np.where((np.arange(len(right.labels)) >= n0) & (right.labels == 1), 0, right.labels)
     assert judge.met(motions, one_way)[0] == 0.0, "seen in one state alone"
     assert judge.met(motions, one_way)[1] >= MIN_MET
-    crossed = right.hard.copy()
-    crossed[n0:] = np.array([0, 2, 1])[right.hard[n0:]]
+    crossed = right.labels.copy()
+    crossed[n0:] = np.array([0, 2, 1])[right.labels[n0:]]
     assert (judge.met(motions, crossed) < MIN_MET).all(), "one block becomes the other"
-    own = np.flatnonzero(right.hard[:n0] == 1)
+    own = np.flatnonzero(right.labels[:n0] == 1)
     top = np.array([0.225, 0.21, 0.5])  # middle of the block's upper face, seen by every view
     own = own[np.linalg.norm(judge.study.surfels[0].points[own] - top, axis=1).argsort()]
     for count in (5, 60):
-        few = right.hard.copy()
+        few = right.labels.copy()
         few[own[count:]] = 0
         assert (judge.met(motions, few)[0] > 0.0) == (count > MIN_SURFELS), "a floater is no part"
-    assert judge.met([], np.zeros_like(right.hard)).shape == (0,)
+    assert judge.met([], np.zeros_like(right.labels)).shape == (0,)
 
 
 def test_a_motion_without_a_body_leaves_and_the_others_stay(judge, right):
     """What stands still carries nothing that the base does not."""
-    crowd = judge.judge([right.motions[0], WRONG["still"], right.motions[1]])
-    hard = crowd.hard.copy()
+    crowd = judge.judge(on_base([right.motions[0], WRONG["still"], right.motions[1]]))
+    hard = crowd.labels.copy()
     hard[hard == 2] = 0  # nothing carries the label of the one that stands still
-    crowd = replace(crowd, hard=hard, met=0.0)
+    crowd = rescored(replace(crowd, labels=hard), met=0.0)
     left = judge.bodies(crowd)
     assert [h.value for h in left.motions] == pytest.approx([h.value for h in right.motions])
     assert left.coherent
@@ -129,19 +126,9 @@ def test_a_motion_without_a_body_leaves_and_the_others_stay(judge, right):
     assert judge.bodies(right) is right
 
 
-def test_a_torn_set_costs_more_the_less_of_it_meets_its_kind(right):
-    whole = right.surfel_cost + right.image_cost
-    shares = np.linspace(0.0, 1.0, 101)
-    more = np.array([replace(right, met=float(m)).cost for m in shares]) - whole
-    assert more[shares >= ALL_MET].max() == pytest.approx(0.0, abs=1e-12)
-    assert more[shares <= NONE_MET] == pytest.approx(INCOHERENT)
-    assert (np.diff(more) <= 1e-12).all()
-    assert [replace(right, met=m).coherent for m in (MIN_MET - 1e-9, MIN_MET)] == [False, True]
-    assert right.met > ALL_MET
-
-
 def test_the_best_of_sets_is_the_cheapest_in_any_order(judge, right, look_alikes):
-    sets = [[WRONG["between"]], look_alikes.truth, [look_alikes.truth[0]]]
+    sets = [on_base(motions) for motions in ([WRONG["between"]], look_alikes.truth,
+                                             [look_alikes.truth[0]])]
     for order in (sets, sets[::-1]):
         best = judge.best_of(order)
         assert best.motions == right.motions
@@ -149,117 +136,78 @@ def test_the_best_of_sets_is_the_cheapest_in_any_order(judge, right, look_alikes
 
 
 def test_polishing_never_costs(judge, look_alikes):
-    rough = judge.judge([slide(X, 0.31), look_alikes.truth[1]])
+    rough = judge.judge(on_base([slide(X, 0.31), look_alikes.truth[1]]))
     fine = judge.polished(rough)
     assert fine.cost <= rough.cost
     assert abs(fine.motions[0].value - 0.3) < 0.01
 
 
-def test_as_many_parts_are_found_as_pay(look_alikes):
+def test_as_many_parts_are_found_as_pay(judge, look_alikes, caplog):
     first, second = look_alikes.truth
     pool = [WRONG["across"], first, replace(first), second]
-    said = []
-    found = decide(look_alikes.study, pool, None, said.append)
+    with caplog.at_level("INFO", logger="part2gs_robotics.decide"):
+        found, _ = decide(judge, pool, None)
     assert sorted(h.value for h in found.motions) == pytest.approx([0.2, 0.3], abs=0.005)
     assert found.coherent
-    assert said[0].startswith("nothing moves: cost")
-    assert said[-1].startswith("tuned:")
-
-
-def test_bodies_need_only_cost_less_than_what_is_none(right):
-    torn = replace(right, met=0.0, surfel_cost=0.95 * right.surfel_cost)
-    assert right.improves(torn)
-    assert not right.improves(replace(torn, met=1.0)), "surfels speak against it"
-    assert not right.improves(replace(torn, surfel_cost=torn.surfel_cost - INCOHERENT))
-    assert torn.improves(replace(right, surfel_cost=right.surfel_cost + 0.1)), "on the way"
-
-
-def test_a_set_without_a_slide_askew_need_only_cost_less(right):
-    askew = replace(right, askew=0.6, surfel_cost=0.95 * right.surfel_cost)
-    assert askew.cost == pytest.approx(
-        right.cost - 0.05 * right.surfel_cost + 0.6 * INCOHERENT)
-    assert right.improves(askew)
-    assert not right.improves(replace(askew, askew=0.4)), "surfels speak against it"
-    assert not right.improves(replace(askew, surfel_cost=askew.surfel_cost - INCOHERENT))
+    assert caplog.messages[0].startswith("decide: nothing moves: cost")
+    assert caplog.messages[-1].startswith("tune:")
 
 
 def test_what_pays_but_is_spoken_against_is_taken_with_one_more(judge, right, look_alikes):
-    none = judge.judge([])
-    first = judge.judge([look_alikes.truth[0]])
-    found = _further(judge, none, first, look_alikes.truth, True, silent)
+    none = judge.judge(on_base([]))
+    first = judge.judge(on_base([look_alikes.truth[0]]))
+    found = _further(judge, none, first, look_alikes.truth, True)
     assert len(found.motions) == 2
     assert found.improves(none)
-    cheap = replace(right, image_cost=right.image_cost - 0.5)
-    assert _further(judge, cheap, first, look_alikes.truth, True, silent) is cheap
+    cheap = rescored(right, images=right.scores.images - 0.5)
+    assert _further(judge, cheap, first, look_alikes.truth, True) is cheap
 
 
 @pytest.mark.parametrize(("paid", "taken"), [(NEARLY + 0.1, 2), (NEARLY - 0.1, 0)])
 def test_of_two_look_alikes_the_first_need_only_nearly_pay(judge, look_alikes, monkeypatch, paid,
                                                           taken):
     """The first hides most of what both leave; what the second saves is the proof of both."""
-    first = judge.judge([look_alikes.truth[0]])
+    first = judge.judge(on_base([look_alikes.truth[0]]))
     saved = paid * judge.price(first, first.cost)
-    best = replace(first, motions=(), image_cost=first.image_cost + saved)
-    monkeypatch.setattr("part2gs_robotics.decide.grow.split", lambda _judge, verdict, *_: verdict)
-    found = _otherwise(judge, best, first, look_alikes.truth, True, paid, silent)
+    best = replace(first, motions=(), parents=(), known=())
+    best = rescored(best, images=first.scores.images + saved)
+    monkeypatch.setattr("part2gs_robotics.decide.grow.split", lambda _judge, found, *_: found)
+    found = _otherwise(judge, best, first, look_alikes.truth, True, paid)
     assert len(found.motions) == taken
     assert taken == 0 or found.improves(best)
 
 
 def test_two_slides_are_found_where_one_between_them_does_not_pay(judge, right, look_alikes,
                                                                   monkeypatch):
-    none = judge.judge([])
+    none = judge.judge(on_base([]))
     axis, origin = look_alikes.truth[0].axis, look_alikes.truth[0].origin
-    between = judge.judge([Hypothesis(0, axis, origin, 0.25)])
+    between = judge.judge(on_base([Joint("prismatic", axis, origin, 0.25)]))
     pool = [*look_alikes.truth, *between.motions]
-    found = _two_at_once(judge, none, between, pool, silent)
+    found = _two_at_once(judge, none, between, pool)
     assert sorted(h.value for h in found.motions) == pytest.approx([0.2, 0.3], abs=0.01)
     assert found.improves(none)
-    cheap = replace(right, image_cost=right.image_cost - 1e-4)
-    assert _two_at_once(judge, cheap, between, pool, silent) is cheap, "two must pay"
-    assert _two_at_once(judge, none, right, pool, silent) is none, "bodies are not split"
-    monkeypatch.setattr("part2gs_robotics.decide.judge.MIN_MET", 2.0)
-    assert _two_at_once(judge, none, between, pool, silent) is none, "both must be bodies"
+    cheap = rescored(right, images=right.scores.images - 1e-4)
+    assert _two_at_once(judge, cheap, between, pool) is cheap, "two must pay"
+    assert _two_at_once(judge, none, right, pool) is none, "bodies are not split"
+    monkeypatch.setattr("part2gs_robotics.decide.candidate.MIN_MET", 2.0)
+    assert _two_at_once(judge, none, between, pool) is none, "both must be bodies"
 
 
-@pytest.mark.parametrize(("met", "images", "improves"), [
-    (0.95, 1.02, True),  # one motion for two drawers became two
-    (0.95, 1.04, False), (0.65, 1.02, False), (0.65, 1.005, True),
-])
-def test_images_may_speak_a_little_against_bodies_that_become_whole(right, met, images, improves):
-    torn = replace(right, met=0.6)
-    whole = replace(right, met=met, surfel_cost=right.surfel_cost - 0.06 * right.image_cost,
-                    image_cost=images * right.image_cost)
-    assert whole.improves(torn) is improves
-
-
-def test_one_part_by_order_is_one_part(look_alikes):
-    found = decide(look_alikes.study, [WRONG["across"], *look_alikes.truth], 1, silent)
+def test_one_part_by_order_is_one_part(judge, look_alikes):
+    found, _ = decide(judge, [WRONG["across"], *look_alikes.truth], 1)
     motion, = found.motions
     assert motion.value == pytest.approx(0.3, abs=0.005)
 
 
-def test_without_hypotheses_or_with_wrong_ones_alone_nothing_moves(look_alikes):
-    assert decide(look_alikes.study, [], None, silent).motions == ()
-    assert decide(look_alikes.study, [], 2, silent).motions == ()
-    assert decide(look_alikes.study, [WRONG["across"], WRONG["up"]], None, silent).motions == ()
-
-
-@pytest.mark.parametrize(("surfels", "images", "improves"), [
-    (0.09, 0.19, True),
-    (0.11, 0.15, False),  # shows the photos more, but lands surfels on nothing
-    (0.05, 0.21, False),
-    (0.10, 0.20, False),
-])
-def test_a_part_must_help_surfels_and_images(surfels, images, improves):
-    start = Verdict((), np.zeros(1, np.int64), 0.10, 0.20)
-    assert Verdict((), np.zeros(1, np.int64), surfels, images).improves(start) is improves
+def test_without_hypotheses_or_with_wrong_ones_alone_nothing_moves(judge):
+    for pool, parts in (([], None), ([], 2), ([WRONG["across"], WRONG["up"]], None)):
+        assert decide(judge, pool, parts)[0].motions == ()
 
 
 def test_sets_that_help_both_come_first(judge, look_alikes, right):
-    wrong = [look_alikes.truth[0], WRONG["turn"]]
+    wrong = on_base([look_alikes.truth[0], WRONG["turn"]])
     assert not judge.judge(wrong).improves(right)
-    best = judge.best_of([wrong, list(look_alikes.truth)], judge.judge([]))
+    best = judge.best_of([wrong, on_base(look_alikes.truth)], judge.judge(on_base([])))
     assert best.motions == tuple(look_alikes.truth)
 
 
@@ -272,11 +220,10 @@ def test_a_part_that_hardly_moves_must_save_more(judge, look_alikes, right):
     assert judge.price(right, 0.0) == PART_PRICE
 
 
-def test_fewer_parts_than_move_are_said_to_be_too_few(look_alikes):
-    study, (one, two) = look_alikes.study, look_alikes.truth
-    pool = [one, two, *WRONG.values()]
-    heard = []
-    assert decide(study, pool, 1, heard.append).short
-    assert "one part more than asked for" in heard[-1] + heard[-2] + heard[-3]
-    assert not decide(study, pool, 2, silent).short
-    assert not decide(study, pool, None, silent).short
+def test_fewer_parts_than_move_are_said_to_be_too_few(judge, look_alikes, caplog):
+    pool = [*look_alikes.truth, *WRONG.values()]
+    with caplog.at_level("INFO", logger="part2gs_robotics.decide"):
+        assert decide(judge, pool, 1)[1]
+    assert "one part more than asked for" in "".join(caplog.messages[-3:])
+    assert not decide(judge, pool, 2)[1]
+    assert not decide(judge, pool, None)[1]

@@ -19,7 +19,7 @@ from part2gs_robotics.decide.labelling import (
 from part2gs_robotics.evidence.graph import Graph, build_graph
 from part2gs_robotics.evidence.landing import FREE_COST
 from part2gs_robotics.model import se3
-from part2gs_robotics.search.hypothesis import Hypothesis
+from part2gs_robotics.model.joint import Joint
 
 TAU = 0.03
 
@@ -28,7 +28,7 @@ def parts_of(world):
     """Return surfels, landing grids, the true motion, and which surfels are surely the part's."""
     states = tuple(s.surfels for s in world.states)
     lands = tuple(s.land for s in world.states)
-    truth = Hypothesis(0, world.axis, np.array([0.2, 0.3, 0.4]), world.value)
+    truth = Joint("prismatic", world.axis, np.array([0.2, 0.3, 0.4]), world.value)
     lo, hi = np.array(world.block.lo), np.array(world.block.hi)
     own = []
     for s, back in zip(states, (np.eye(4), se3.inverse(truth.move)), strict=True):
@@ -121,13 +121,3 @@ def test_the_better_start_wins(width):
     hard, rough, better = roughly(unary, graph)
     assert better == STARTS[width == 40], "one sweep per step tells the starts apart"
     assert rough == energy_of(unary, graph, hard)
-
-
-def test_the_graph_stays_within_a_state_and_prefers_alike_normals(slid):
-    states, _, _, _ = parts_of(slid)
-    graph, n0 = build_graph(states), len(states[0])
-    assert (graph.neighbors[:n0] < n0).all()
-    assert (graph.neighbors[n0:] >= n0).all()
-    normals = np.concatenate([s.normals for s in states])
-    cosine = (normals[graph.neighbors] * normals[:, None]).sum(-1)
-    assert graph.weights[cosine > 0.9].mean() > 2 * graph.weights[cosine < 0.1].mean()

@@ -7,13 +7,13 @@ import pytest
 
 from part2gs_robotics.decide.made_joints import askew, crooked, square
 from part2gs_robotics.model import se3
-from part2gs_robotics.search.hypothesis import Hypothesis
+from part2gs_robotics.model.joint import Joint
 
 BOX = np.repeat(np.concatenate([np.eye(3), -np.eye(3)]), 50, axis=0)
 
 
-def slide(axis, kind=0):
-    return Hypothesis(kind, np.asarray(axis) / np.linalg.norm(axis), np.zeros(3), 0.3)
+def slide(axis, kind="prismatic"):
+    return Joint(kind, np.asarray(axis) / np.linalg.norm(axis), np.zeros(3), 0.3)
 
 
 def noisy(normals, degrees):
@@ -51,11 +51,11 @@ def test_a_ball_slides_anywhere_and_a_rod_along_itself():
 
 
 def test_turns_and_parts_without_surfels_are_not_askew():
-    assert askew(slide([0, 1, 1], kind=1), BOX) == 0.0
+    assert askew(slide([0, 1, 1], kind="revolute"), BOX) == 0.0
     assert askew(slide([0, 1, 1]), BOX[:0]) == 0.0
 
 
-@pytest.mark.parametrize("kind", [0, 1, 2])
+@pytest.mark.parametrize("kind", ["prismatic", "revolute", "screw"])
 def test_axes_keep_to_edges_and_to_the_line_across_two(kind):
     known = square(np.eye(3)[:2])
     assert known.shape == (3, 3)

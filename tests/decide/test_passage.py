@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from part2gs_robotics.decide.passage import PASS_COST, passage_costs
+from part2gs_robotics.decide.passage import PASS_COST, Seen, passage_costs
 from part2gs_robotics.model.joint import Joint
 
 CELL = 0.01
@@ -40,10 +40,10 @@ def drawers() -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, list[Join
     return np.concatenate(points), normals, np.concatenate(late), np.concatenate(owner), joints
 
 
-def costs_of(case) -> np.ndarray:
+def costs_of(case, parents=(0, 0)) -> np.ndarray:
     points, normals, late, owner, joints = case
-    proofs = owner[:, None] == np.arange(len(joints) + 1)
-    return passage_costs(points, normals, late, proofs, np.flatnonzero(owner < 0), joints, CELL)
+    seen = Seen(points, normals, late, owner[:, None] == np.arange(len(joints) + 1))
+    return passage_costs(seen, np.flatnonzero(owner < 0), joints, parents, CELL)
 
 
 def test_a_wall_behind_a_front_belongs_to_no_other_drawer() -> None:
@@ -53,14 +53,24 @@ def test_a_wall_behind_a_front_belongs_to_no_other_drawer() -> None:
     assert (costs[:, 0] == PASS_COST).mean() > 0.95  # and that front would sweep a still wall
 
 
+@pytest.mark.parametrize("carrier", [1, 2])
+def test_a_part_meets_what_its_carrier_meets(carrier) -> None:
+    """A box that stands in a drawer is pulled out with it; no other label hears of that."""
+    points, normals, late, owner, joints = drawers()
+    box = Joint("prismatic", OUT, np.zeros(3), 0.0, carrier=joints[carrier - 1].state1_from_0)
+    costs = costs_of((points, normals, late, owner, [*joints, box]), (0, 0, carrier))
+    np.testing.assert_array_equal(costs[:, 3], costs[:, carrier])
+    np.testing.assert_array_equal(costs[:, :3], costs_of((points, normals, late, owner, joints)))
+
+
 @pytest.mark.parametrize("scale", [1e-3, 1.0, 1e3])
 def test_costs_know_no_unit(scale) -> None:
     points, normals, late, owner, joints = drawers()
-    proofs = owner[:, None] == np.arange(3)
+    seen = Seen(scale * points, normals, late, owner[:, None] == np.arange(3))
     asked = np.flatnonzero(owner < 0)
     large = [Joint(j.kind, j.axis, scale * j.origin, scale * j.value) for j in joints]
     np.testing.assert_array_equal(
-        passage_costs(scale * points, normals, late, proofs, asked, large, scale * CELL),
+        passage_costs(seen, asked, large, (0, 0), scale * CELL),
         costs_of((points, normals, late, owner, joints)))
 
 
@@ -92,6 +102,6 @@ def test_parts_that_really_cross_say_nothing(monkeypatch) -> None:
 
 def test_without_proofs_nothing_is_said() -> None:
     points, normals, late, owner, joints = drawers()
-    none = np.zeros((len(points), 3), bool)
+    seen = Seen(points, normals, late, np.zeros((len(points), 3), bool))
     asked = np.flatnonzero(owner < 0)
-    assert not passage_costs(points, normals, late, none, asked, joints, CELL).any()
+    assert not passage_costs(seen, asked, joints, (0, 0), CELL).any()

@@ -7,9 +7,9 @@ import numpy as np
 from part2gs_robotics.decide.pieces import at_home, pieces
 from part2gs_robotics.evidence.surfels import Surfels
 from part2gs_robotics.model import se3
-from part2gs_robotics.search.hypothesis import Hypothesis
+from part2gs_robotics.model.joint import Joint
 
-SLIDE = Hypothesis(0, np.array([0.0, 1, 0]), np.zeros(3), 0.4)
+SLIDE = Joint("prismatic", np.array([0.0, 1, 0]), np.zeros(3), 0.4)
 
 
 def square(centre, side, count=20):

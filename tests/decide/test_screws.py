@@ -7,17 +7,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from part2gs_robotics.decide.candidate import on_base
 from part2gs_robotics.decide.judge import Judge
 from part2gs_robotics.decide.screws import plain, risen
-from part2gs_robotics.evidence.study import gather
 from part2gs_robotics.model.joint import Joint
-from part2gs_robotics.search.hypothesis import SCREW, Hypothesis, rise_of
 
 DIAG = 1.2
 
 
-TURN = Hypothesis(1, np.array([0.0, 0, 1]), np.array([0.4, 0.3, 0.3]), 0.9)
-SCREWED = replace(TURN, kind=SCREW, pitch=0.12 / 0.9)
+TURN = Joint("revolute", np.array([0.0, 0, 1]), np.array([0.4, 0.3, 0.3]), 0.9)
+SCREWED = replace(TURN, kind="screw", pitch=0.12 / 0.9)
 
 
 @pytest.fixture(scope="module", params=[SCREWED, TURN], ids=["screw", "turn"])
@@ -29,29 +28,29 @@ def world(request, toy):
             for move in (np.eye(4), truth.move)]
     eyes = toy.cameras(16, 64, np.array([0.4, 0.3, 0.3]), 1.2)
     scene = toy.scene_of(tuple(toy.drawn(g, *eyes, 64) for g in pair))
-    return truth, Judge(gather(scene, (pair[0], pair[1])))
+    return truth, Judge(toy.study_of(scene, pair))
 
 
 def near(turn):
     """A turn as the search finds it."""
-    return replace(turn, kind=1, pitch=0.0, origin=turn.origin + np.array([0.02, -0.01, 0]),
-                   value=0.95 * turn.value)
+    return replace(turn, kind="revolute", pitch=0.0, value=0.95 * turn.value,
+                   origin=turn.origin + np.array([0.02, -0.01, 0]))
 
 
-def test_a_turn_that_rises_becomes_a_screw_and_one_that_does_not_stays(world):
+def test_a_turn_that_rises_becomes_a_screw_and_one_that_does_not_stays(world, caplog):
     truth, judge = world
-    slide = Hypothesis(0, truth.axis, truth.origin, 0.1)
+    slide = Joint("prismatic", truth.axis, truth.origin, 0.1)
     pool = [near(truth), slide]
-    start = judge.polished(judge.judge(pool[:1]))
-    said = []
-    found = risen(judge, start, pool, said.append)
-    if truth.kind != SCREW:
+    start = judge.polished(judge.judge(on_base(pool[:1])))
+    with caplog.at_level("INFO", logger="part2gs_robotics"):
+        found = risen(judge, start, pool)
+    if truth.kind != "screw":
         assert found is start
         return
-    assert len(said) == 1
+    assert len(caplog.messages) == 1
     motion, = found.motions
-    assert motion.kind == SCREW
-    assert rise_of(motion) == pytest.approx(0.12, rel=0.05)
+    assert motion.kind == "screw"
+    assert motion.rise == pytest.approx(0.12, rel=0.05)
     assert motion.value == pytest.approx(truth.value, abs=0.03)
     assert found.cost < start.cost
 
@@ -59,9 +58,9 @@ def test_a_turn_that_rises_becomes_a_screw_and_one_that_does_not_stays(world):
 @pytest.mark.parametrize("world", [SCREWED], indirect=True)
 def test_one_screw_does_for_a_turn_and_a_slide(world):
     truth, judge = world
-    pair = [near(truth), Hypothesis(0, truth.axis, truth.origin, 0.12)]
-    found = risen(judge, judge.judge(pair), pair, lambda _text: None)
-    assert SCREW in [h.kind for h in found.motions]
+    pair = [near(truth), Joint("prismatic", truth.axis, truth.origin, 0.12)]
+    found = risen(judge, judge.judge(on_base(pair)), pair)
+    assert "screw" in [h.kind for h in found.motions]
 
 
 @pytest.mark.parametrize(("rise", "sigma", "kind"), [

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from part2gs_robotics.decide.labelling import Unary
-from part2gs_robotics.evidence.graph import Graph
 from part2gs_robotics.decide.surrounded import GONE, TIE, joined
+from part2gs_robotics.evidence.graph import Graph
 
 RIM = 6  # surfels of a face that touch the next one
 CREASE = 0.2

@@ -7,17 +7,29 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from part2gs_robotics.decide.judge import INCOHERENT, NEAR, Judge
-from part2gs_robotics.decide.lesser import LARGE, lessened
-from part2gs_robotics.decide.turn_alternatives import calmed, joint_near, righted
-from part2gs_robotics.evidence.study import gather
+from part2gs_robotics.decide.candidate import INCOHERENT, on_base
+from part2gs_robotics.decide.judge import NEAR, Judge
+from part2gs_robotics.decide.turn_alternatives import (
+    LARGE,
+    calmed,
+    joint_near,
+    lessened,
+    righted,
+)
 from part2gs_robotics.model import se3
-from part2gs_robotics.search.hypothesis import Hypothesis
+from part2gs_robotics.model.joint import Joint
 
-TRUTH = Hypothesis(1, np.array([0.0, 0, 1]), np.array([0.0, -0.05, 0.0]), -0.9)
+TRUTH = Joint("revolute", np.array([0.0, 0, 1]), np.array([0.0, -0.05, 0.0]), -0.9)
 DOOR = np.array([[x, y, z] for x in (0, 0.8) for y in (-0.05, -0.01) for z in (0, 0.6)])
 MIDDLE = DOOR.mean(0)
 DIAG = 1.2
+
+
+@pytest.fixture
+def steps(caplog):
+    """Return a function that tells what the decision has said of the steps it took."""
+    caplog.set_level("INFO", logger="part2gs_robotics.decide")
+    return lambda: [r.getMessage() for r in caplog.records if ".decide." in r.name]
 
 
 @pytest.fixture(scope="module")
@@ -29,32 +41,33 @@ def judge(toy):
             for move in (np.eye(4), TRUTH.move)]
     eyes = toy.cameras(16, 56, np.array([0.4, 0.1, 0.3]), 1.2)
     scene = toy.scene_of(tuple(toy.drawn(g, *eyes, 56) for g in pair))
-    return Judge(gather(scene, (pair[0], pair[1])))
+    return Judge(toy.study_of(scene, pair))
 
 
-def test_a_door_with_its_ends_exchanged_is_put_right(judge):
+def test_a_door_with_its_ends_exchanged_is_put_right(judge, steps):
     wrong = joint_near(TRUTH.move @ se3.screw_motion(TRUTH.axis, MIDDLE, np.pi, 0.0), MIDDLE, 1.0)
     assert np.linalg.norm((wrong.origin - TRUTH.origin)[:2]) > 0.2
-    said = []
-    found = righted(judge, judge.judge([wrong]), said.append)
-    assert len(said) == 1
+    found = righted(judge, judge.judge(on_base([wrong])))
+    assert len(steps()) == 1
     gaps = [np.linalg.norm(se3.apply(h.move, DOOR) - se3.apply(TRUTH.move, DOOR), axis=1).max()
             for h in (wrong, found.motions[0])]
     assert gaps[0] > 0.5
     assert gaps[1] < 0.05  # within reach of the alignment
 
 
-def test_a_hinge_beside_its_part_stays_whatever_costs_less(judge, monkeypatch):
+def test_a_hinge_beside_its_part_stays_whatever_costs_less(judge, monkeypatch, steps):
     """The lid of a bin with its ends exchanged costs less before joints are aligned."""
-    verdict = judge.judge([TRUTH])
-    monkeypatch.setattr(judge, "judge", lambda _motions: pytest.fail("nothing is tried"))
-    assert righted(judge, verdict, pytest.fail) is verdict
+    candidate = judge.judge(on_base([TRUTH]))
+    monkeypatch.setattr(judge, "judge", lambda _found: pytest.fail("nothing is tried"))
+    assert righted(judge, candidate) is candidate
+    assert not steps()
 
 
-def test_what_is_right_stays_and_slides_have_no_other_way_round(judge):
-    for h in (TRUTH, Hypothesis(0, TRUTH.axis, TRUTH.origin, 0.2)):
-        verdict = judge.judge([h])
-        assert righted(judge, verdict, pytest.fail) is verdict
+def test_what_is_right_stays_and_slides_have_no_other_way_round(judge, steps):
+    for h in (TRUTH, Joint("prismatic", TRUTH.axis, TRUTH.origin, 0.2)):
+        candidate = judge.judge(on_base([h]))
+        assert righted(judge, candidate) is candidate
+    assert not steps()
 
 
 @pytest.mark.parametrize("angle", [0.2, 1.0, 3.0])
@@ -70,24 +83,24 @@ def test_a_screw_is_no_joint_and_what_hardly_turns_is_a_slide():
     assert joint_near(se3.screw_motion(axis, centre, 1.0, 0.2 * DIAG), centre, DIAG) is None
     assert joint_near(np.eye(4), centre, DIAG) is None
     slide = joint_near(se3.make(np.eye(3), 0.3 * axis), centre, DIAG)
-    assert slide.kind == 0
+    assert slide.kind == "prismatic"
     assert np.allclose(slide.move[:3, 3], 0.3 * axis)
 
 
 def test_a_hinge_in_the_air_costs_more_than_it_leaves(judge):
-    right = judge.judge([TRUTH])
-    assert right.air == 0.0
-    assert right.cost == pytest.approx(right.surfel_cost + right.image_cost)
+    right = judge.judge(on_base([TRUTH]))
+    assert right.scores.air == 0.0
+    assert right.cost == pytest.approx(right.scores.surfels + right.scores.images)
     wrong = joint_near(TRUTH.move @ se3.screw_motion(TRUTH.axis, MIDDLE, np.pi, 0.0), MIDDLE, 1.0)
-    there = judge.judge([wrong])
-    assert there.air > 0.8
-    assert there.cost >= there.surfel_cost + there.image_cost + 0.8 * INCOHERENT
+    there = judge.judge(on_base([wrong]))
+    assert there.scores.air > 0.8
+    assert there.cost >= there.scores.surfels + there.scores.images + 0.8 * INCOHERENT
 
 
 @pytest.mark.parametrize(("gap", "air"), [(0.9, 0.0), (1.5, 0.5), (3.0, 1.0)])
 def test_the_air_grows_with_the_gap(judge, gap, air):
     """The door before it moves, and a line beside its edge."""
-    hard = judge.judge([TRUTH]).hard.copy()
+    hard = judge.judge(on_base([TRUTH])).labels.copy()
     hard[len(judge.study.surfels[0]):] = 0
     edge = judge.study.own(hard, 1)[0].points[:, 0].min()
     origin = np.array([edge - gap * NEAR * judge.study.diag, -0.03, 0.0])
@@ -106,80 +119,85 @@ def bar_on_a_board(toy, move, plain, high=0.2):
         pair.append(g)
     eyes = toy.cameras(16, 56, np.array([0.5, 0.4, 0.2]), 1.2)
     scene = toy.scene_of(tuple(toy.drawn(g, *eyes, 56) for g in pair))
-    return Judge(gather(scene, (pair[0], pair[1])))
+    return Judge(toy.study_of(scene, pair))
 
 
-SLIDE = Hypothesis(0, np.array([1.0, 0, 0]), np.array([0.3, 0.375, 0.2]), 0.35)
-HALF_TURN = Hypothesis(1, np.array([0.0, 0, 1]), np.array([0.475, 0.375, 0.2]), np.pi)
+SLIDE = Joint("prismatic", np.array([1.0, 0, 0]), np.array([0.3, 0.375, 0.2]), 0.35)
+HALF_TURN = Joint("revolute", np.array([0.0, 0, 1]), np.array([0.475, 0.375, 0.2]), np.pi)
 
 
 @pytest.mark.parametrize("pool", [[], [SLIDE]])
-def test_a_plain_bar_slides_rather_than_turns_end_for_end(toy, pool):
+def test_a_plain_bar_slides_rather_than_turns_end_for_end(toy, pool, steps):
     judge = bar_on_a_board(toy, SLIDE.move, plain=True)
-    turned, slid = judge.judge([HALF_TURN]), judge.judge([SLIDE])
+    turned, slid = judge.judge(on_base([HALF_TURN])), judge.judge(on_base([SLIDE]))
     assert abs(turned.cost - slid.cost) < 0.05 * slid.cost  # the photos hardly tell
-    said = []
-    found, = calmed(judge, turned, pool, said.append).motions
-    assert len(said) == 1
-    assert found.kind == 0
+    found, = calmed(judge, turned, pool).motions
+    assert len(steps()) == 1
+    assert found.kind == "prismatic"
     assert np.allclose(found.axis * found.value, SLIDE.axis * SLIDE.value, atol=0.02)
 
 
-def test_a_bar_whose_paint_shows_that_it_turned_has_turned(toy):
+def test_a_bar_whose_paint_shows_that_it_turned_has_turned(toy, steps):
     judge = bar_on_a_board(toy, HALF_TURN.move, plain=False)
-    verdict = judge.judge([HALF_TURN])
-    assert calmed(judge, verdict, [SLIDE], pytest.fail) is verdict
+    candidate = judge.judge(on_base([HALF_TURN]))
+    assert calmed(judge, candidate, [SLIDE]) is candidate
+    assert not steps()
 
 
-def test_a_plain_flap_that_folds_over_has_folded(toy, monkeypatch):
+def test_a_plain_flap_that_folds_over_has_folded(toy, monkeypatch, steps):
     """Its middle slides as well, but its hinge is at its edge."""
-    fold = Hypothesis(1, np.array([0.0, 1, 0]), np.array([0.5, 0.375, 0.12]), np.pi)
+    fold = Joint("revolute", np.array([0.0, 1, 0]), np.array([0.5, 0.375, 0.12]), np.pi)
     judge = bar_on_a_board(toy, fold.move, plain=True, high=0.04)
-    verdict = judge.judge([fold])
-    monkeypatch.setattr(judge, "judge", lambda _motions: pytest.fail("nothing is tried"))
-    assert calmed(judge, verdict, [SLIDE], pytest.fail) is verdict
+    candidate = judge.judge(on_base([fold]))
+    monkeypatch.setattr(judge, "judge", lambda _found: pytest.fail("nothing is tried"))
+    assert calmed(judge, candidate, [SLIDE]) is candidate
+    assert not steps()
 
 
-def test_small_turns_have_no_lesser_way(judge, monkeypatch):
-    verdict = judge.judge([TRUTH])
-    monkeypatch.setattr(judge, "judge", lambda _motions: pytest.fail("nothing is tried"))
-    assert calmed(judge, verdict, [TRUTH], pytest.fail) is verdict
+def test_small_turns_have_no_lesser_way(judge, monkeypatch, steps):
+    candidate = judge.judge(on_base([TRUTH]))
+    monkeypatch.setattr(judge, "judge", lambda _found: pytest.fail("nothing is tried"))
+    assert calmed(judge, candidate, [TRUTH]) is candidate
+    assert not steps()
 
 
-def test_of_motions_that_save_nearly_as_much_the_lesser_is_taken(toy):
+def test_of_motions_that_save_nearly_as_much_the_lesser_is_taken(toy, steps):
     judge = bar_on_a_board(toy, SLIDE.move, plain=True)
-    said = []
-    found, = lessened(judge, judge.judge([HALF_TURN]), [HALF_TURN, SLIDE], said.append).motions
-    assert len(said) == 1
-    assert found.kind == 0
+    turned = judge.judge(on_base([HALF_TURN]))
+    found, = lessened(judge, turned, [HALF_TURN, SLIDE]).motions
+    assert len(steps()) == 1
+    assert found.kind == "prismatic"
     assert np.allclose(found.axis * found.value, SLIDE.axis * SLIDE.value, atol=0.02)
 
 
-def test_a_turn_stays_where_a_lesser_motion_saves_little(toy, judge):
-    middle = Hypothesis(0, np.array([0.0, 1, 0]), MIDDLE, -0.3)  # of the door: about its way
-    door = judge.judge([TRUTH])
-    assert lessened(judge, door, [middle], pytest.fail) is door
+def test_a_turn_stays_where_a_lesser_motion_saves_little(toy, judge, steps):
+    middle = Joint("prismatic", np.array([0.0, 1, 0]), MIDDLE, -0.3)  # of the door: about its way
+    door = judge.judge(on_base([TRUTH]))
+    assert lessened(judge, door, [middle]) is door
     painted = bar_on_a_board(toy, HALF_TURN.move, plain=False)
-    bar = painted.judge([HALF_TURN])
-    assert lessened(painted, bar, [SLIDE], pytest.fail) is bar
+    bar = painted.judge(on_base([HALF_TURN]))
+    assert lessened(painted, bar, [SLIDE]) is bar
+    assert not steps()
 
 
-def test_no_lesser_turn_is_about_a_line_in_the_air(judge, monkeypatch):
+def test_no_lesser_turn_is_about_a_line_in_the_air(judge, monkeypatch, steps):
     """It would carry the door to the same place, beside another part in the air as well."""
     middle = se3.apply(TRUTH.move, MIDDLE[None])[0] - MIDDLE
     across = np.cross([0.0, 0, 1], middle) / np.linalg.norm(middle)
     far = MIDDLE + 0.5 * middle + 0.5 * np.linalg.norm(middle) / np.tan(0.15) * across
-    turn = Hypothesis(1, np.array([0.0, 0, 1]), far, 0.3)
+    turn = Joint("revolute", np.array([0.0, 0, 1]), far, 0.3)
     assert np.allclose(se3.apply(turn.move, MIDDLE[None])[0], MIDDLE + middle)
-    verdict = judge.judge([TRUTH])
-    monkeypatch.setattr(judge, "judge", lambda _motions: pytest.fail("nothing is tried"))
-    assert lessened(judge, verdict, [turn], pytest.fail) is verdict
+    candidate = judge.judge(on_base([TRUTH]))
+    monkeypatch.setattr(judge, "judge", lambda _found: pytest.fail("nothing is tried"))
+    assert lessened(judge, candidate, [turn]) is candidate
+    assert not steps()
 
 
-def test_nothing_is_tried_for_small_turns_slides_and_turns_as_large(judge, monkeypatch):
+def test_nothing_is_tried_for_small_turns_slides_and_turns_as_large(judge, monkeypatch, steps):
     small = replace(TRUTH, value=0.9 * LARGE)
-    verdicts = [judge.judge([h]) for h in (small, SLIDE, TRUTH)]
+    candidates = [judge.judge(on_base([h])) for h in (small, SLIDE, TRUTH)]
     pools = [SLIDE], [SLIDE], [replace(TRUTH, value=0.6)]
-    monkeypatch.setattr(judge, "judge", lambda _motions: pytest.fail("nothing is tried"))
-    for verdict, pool in zip(verdicts, pools, strict=True):
-        assert lessened(judge, verdict, pool, pytest.fail) is verdict
+    monkeypatch.setattr(judge, "judge", lambda _found: pytest.fail("nothing is tried"))
+    for candidate, pool in zip(candidates, pools, strict=True):
+        assert lessened(judge, candidate, pool) is candidate
+    assert not steps()

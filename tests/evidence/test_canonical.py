@@ -1,177 +1,164 @@
-"""Laws of the canonical field: direction of lambda, invariances, matching."""
+"""The canonical room: what it refuses, equally bright states, and the state richer in motion."""
 
 from __future__ import annotations
+
+import logging
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from part2gs_robotics.errors import FitError
-from part2gs_robotics.evidence.canonical import canonical_field, motion_richness, richness_weight
-from part2gs_robotics.model.gaussians import Gaussians
-from part2gs_robotics.model.points import farthest_point_sample
-from part2gs_robotics.model.se3 import apply, make, rotation_from_rotvec, screw_motion
-from part2gs_robotics.paper.matching import MAX_MATCHES, match_hungarian
+from part2gs_robotics.evidence import canonical as room
+from part2gs_robotics.evidence.canonical import canonical
+from part2gs_robotics.evidence.exposure import gain_between
+from part2gs_robotics.model.gaussians import SH_C0, Gaussians
+from part2gs_robotics.model.se3 import screw_motion
 
-STEP = 0.02  # spacing of the test surfaces, metres
-
-
-def gaussians_of(points):
-    n = len(points)
-    quats = np.tile(np.float32([1, 0, 0, 0]), (n, 1))
-    return Gaussians(
-        np.float32(points),
-        quats,
-        np.full((n, 3), -5, np.float32),
-        np.zeros(n, np.float32),
-        np.zeros((n, 3), np.float32),
-        np.zeros((n, 0, 3), np.float32),
-    )
+SIDE = 96
+MADE_WHEN_ASKED = "seen", "surfaces"
 
 
-def plane(u, v, axis, value):
-    a, b = np.meshgrid(np.arange(*u, STEP), np.arange(*v, STEP), indexing="ij")
-    return np.insert(np.stack([a.ravel(), b.ravel()], 1), axis, value, axis=1)
+@pytest.fixture(scope="module")
+def door(toy):
+    """A door, closed in state 0 and opened in state 1: a scene, and Gaussians of both states."""
+    base = toy.Box((0, 0, 0), (0.8, 0.6, 0.5), 1)
+    closed = toy.Box((0, -0.09, 0), (0.8, -0.06, 0.5), 2)
+    turn = screw_motion(np.array([0.0, 0, 1]), np.array([0, -0.09, 0]), -1.5, 0.0)
+    pair = [toy.gaussians_of([base, one], 0.035)[0] for one in (closed, replace(closed, move=turn))]
+    eyes = toy.cameras(24, SIDE, np.array([0.4, 0.0, 0.25]), 1.3)
+    return toy.scene_of(tuple(toy.drawn(g, *eyes, SIDE) for g in pair)), (pair[0], pair[1])
 
 
-def cabinet():
-    """Visible faces of a 0.6 x 0.5 x 0.8 carcass without its front (y = 0)."""
-    return np.concatenate(
-        [
-            plane((0, 0.5), (0, 0.8), 0, 0.0),
-            plane((0, 0.5), (0, 0.8), 0, 0.6),
-            plane((0, 0.6), (0, 0.8), 1, 0.5),
-            plane((0, 0.6), (0, 0.5), 2, 0.8),
-        ]
-    )
+@pytest.fixture(scope="module")
+def both(door):
+    return canonical(*door)
 
 
-def door(angle_deg):
-    front = plane((0, 0.6), (0, 0.8), 1, 0.0)
-    turn = screw_motion(np.array([0.0, 0.0, 1.0]), np.zeros(3), -np.deg2rad(angle_deg), 0.0)
-    return np.concatenate([cabinet(), apply(turn, front)])
+def broken(gaussians, index):
+    means = gaussians.means.copy()
+    means[index] = np.nan
+    return replace(gaussians, means=means)
 
 
-def drawer(slide):
-    front = plane((0.05, 0.55), (0.3, 0.55), 1, 0.0)
-    sides = [plane((0, max(slide, STEP)), (0.3, 0.5), 0, x) for x in (0.06, 0.54)]
-    seen = [front] + (sides if slide > 0 else [])  # the box is visible only once pulled out
-    rest = plane((0, 0.6), (0, 0.3), 1, 0.0)
-    return np.concatenate([cabinet(), rest, np.concatenate(seen) - [0, slide, 0]])
+def dimmed(scene, pair, state, gain):
+    """Return the same as seen by a camera that takes one state darker."""
+    views = list(scene.states)
+    images = np.round(views[state].images * gain).astype(np.uint8)
+    views[state] = replace(views[state], images=images)
+    new = list(pair)
+    sh0 = ((new[state].colors * gain - 0.5) / SH_C0).astype(np.float32)
+    new[state] = replace(new[state], sh0=sh0)
+    return replace(scene, states=tuple(views)), tuple(new)
 
 
-SCENES = [(door, a) for a in (15, 45, 90)] + [(drawer, d) for d in (0.05, 0.15, 0.30)]
+def with_buried(gaussians):
+    """Return Gaussians with forty more, opaque, deep inside the base."""
+    inside = np.linspace((0.2, 0.5, 0.1), (0.6, 0.55, 0.4), 40).astype(np.float32)
+    copies = gaussians.select(np.arange(40))
+    copies = replace(copies, means=inside, logit_opacities=np.full(40, 4.0, np.float32))
+    names = ("means", "quats", "log_scales", "logit_opacities", "sh0", "shN")
+    return Gaussians(*(np.concatenate([getattr(g, n) for g in (gaussians, copies)])
+                       for n in names))
 
 
-@pytest.mark.parametrize(("scene", "amount"), SCENES)
-def test_opened_state_gets_the_larger_weight(scene, amount):
-    closed, opened = scene(0.0), scene(amount)
-    weight = richness_weight(motion_richness(closed, opened), motion_richness(opened, closed))
-    assert 0.52 < 1.0 - weight < 0.95
-    swapped = richness_weight(motion_richness(opened, closed), motion_richness(closed, opened))
-    assert swapped == pytest.approx(1.0 - weight, abs=1e-12)
-    assert (
-        canonical_field(gaussians_of(closed), gaussians_of(opened), num_matches=50).reference_state
-        == 1
-    )
-    assert (
-        canonical_field(gaussians_of(opened), gaussians_of(closed), num_matches=50).reference_state
-        == 0
-    )
+def test_an_empty_or_broken_state_is_refused(door):
+    scene, (good, other) = door
+    empty = good.select(np.zeros(0, np.int64))
+    with pytest.raises(FitError, match=r"^state 1: the fit holds 0 Gaussians, so no motion can be "
+                                       r"measured\. At least 1 was expected; check that"):
+        canonical(scene, (good, empty))
+    with pytest.raises(FitError, match=r"^state 0: the fit holds 0 Gaussians.*check"):
+        canonical(scene, (empty, good))
+    count = len(good)
+    with pytest.raises(FitError, match=rf"^state 0: 1 of {count} Gaussians have NaN or infinite "
+                                       r"centres\. Finite centres were expected; fit this state"):
+        canonical(scene, (broken(good, 3), other))
+    with pytest.raises(FitError, match=rf"^state 1: 2 of {len(other)} Gaussians have NaN"):
+        canonical(scene, (good, broken(other, [0, 7])))
+    endless = replace(good, means=np.where(good.means > 0.7, np.inf, good.means))
+    with pytest.raises(FitError, match=r"^state 0: \d+ of .* NaN or infinite"):
+        canonical(scene, (endless, other))
 
 
-def test_richness_follows_rigid_motion_and_scale():
-    closed, opened = door(0), door(60)
-    move = make(rotation_from_rotvec(np.array([0.3, -1.0, 0.4])), np.array([3.0, -2.0, 1.0]))
-    plain = motion_richness(closed, opened)
-    assert motion_richness(apply(move, closed), apply(move, opened)) == pytest.approx(plain)
-    assert motion_richness(7 * closed, 7 * opened) == pytest.approx(7 * plain)
+def test_states_alike_in_brightness_are_left_as_they_are(door, both):
+    scene, pair = door
+    assert both.scene is scene
+    assert both.gaussians is pair
+    assert both.exposure == ""
 
 
-def test_richness_of_one_shifted_point_is_its_shift():
-    point = np.array([[0.0, 0.0, 0.0]])
-    assert motion_richness(point, np.array([[3.0, 4.0, 0.0]])) == pytest.approx(5.0)
+@pytest.mark.parametrize("state", [0, 1])
+@pytest.mark.parametrize("gain", [np.full(3, 0.7), np.array([0.9, 0.75, 0.6])])
+def test_a_darker_state_comes_out_as_bright_as_the_other(door, caplog, state, gain):
+    scene, pair = door
+    with caplog.at_level(logging.INFO):
+        even = canonical(*dimmed(scene, pair, state, gain))
+    assert "brightened" in even.exposure
+    assert even.exposure in caplog.messages
+    assert gain_between(even.scene, even.gaussians) == pytest.approx(np.ones(3), abs=0.03)
+    other = 1 - state
+    assert np.array_equal(even.scene.states[other].images, scene.states[other].images)
+    assert even.gaussians[other].colors == pytest.approx(pair[other].colors, abs=1e-6)
+    assert even.gaussians[state].colors == pytest.approx(pair[state].colors, abs=0.03)
+    # 8-bit steps of a darker photo are larger; the gain is known to two per cent
+    apart = np.abs(even.scene.states[state].images.astype(int) - scene.states[state].images)
+    assert np.median(apart[scene.states[state].alphas == 255]) <= 3
+    assert (even.gaussians[state].means == pair[state].means).all()
 
 
-def test_unobserved_places_do_not_count_as_motion():
-    closed, opened = drawer(0.0), drawer(0.3)
-    front_and_base = np.arange(len(opened)) < len(closed)
-    assert motion_richness(opened, closed, front_and_base) < motion_richness(opened, closed)
-    assert motion_richness(opened, closed, np.zeros(len(opened), bool)) == 0.0
+def test_what_no_photo_shows_is_clear_in_seen_alone(door):
+    scene, (zero, one) = door
+    more = with_buried(zero)
+    got = canonical(scene, (more, one))
+    assert [len(g) for g in got.seen] == [len(more), len(one)]
+    assert got.seen[0].opacities[-40:].max() < 1e-6
+    assert np.array_equal(got.gaussians[0].opacities, more.opacities)
+    on_top = zero.means[:, 2] > 0.499
+    assert on_top.sum() > 100
+    assert np.array_equal(got.seen[0].opacities[:-40][on_top], zero.opacities[on_top])
+    for name in ("means", "quats", "log_scales", "sh0"):
+        assert np.array_equal(getattr(got.seen[0], name), getattr(more, name))
 
 
-def test_nothing_moved_weighs_both_states_alike():
-    points = gaussians_of(door(0))
-    field = canonical_field(points, points, num_matches=100)
-    assert field.richness == (0.0, 0.0)
-    assert field.weights == (0.5, 0.5)
+def test_weights_add_up_and_favour_the_opened_state(both):
+    zero, one = both.weights
+    assert zero + one == 1.0
+    assert 0.52 < one <= 1.0
+    assert both.told == f"state 1 richer in motion, weight of state 0 {zero:.2f}"
+    evidence = both.surfaces.evidence
+    assert len(evidence.arrived) > len(evidence.vacated)
+    assert evidence.weights == both.weights
 
 
-def test_both_states_are_kept_by_default():
-    g0, g1 = gaussians_of(door(0)), gaussians_of(door(45))
-    field = canonical_field(g0, g1, num_matches=100)
-    assert field.gaussians[0] is g0
-    assert field.gaussians[1] is g1
+def test_swapping_the_states_swaps_the_weights(door, both):
+    scene, (zero, one) = door
+    swapped = canonical(replace(scene, states=scene.states[::-1]), (one, zero))
+    assert swapped.weights == pytest.approx(both.weights[::-1], abs=1e-12)
+    assert swapped.told.startswith("state 0 richer")
+    assert len(swapped.surfaces.evidence.vacated) == len(both.surfaces.evidence.arrived)
 
 
-def test_paper_mode_shrinks_a_turned_point_by_the_chord():
-    angle = np.pi / 2
-    p0 = np.array([[1.0, 0.0, 0.0], [-5.0, 0.0, 0.0]])
-    p1 = np.array([[np.cos(angle), np.sin(angle), 0.0], [-5.0, 0.0, 0.0]])
-    field = canonical_field(gaussians_of(p0), gaussians_of(p1), paper_mode=True)
-    lam = field.richness_weight
-    assert lam == pytest.approx(0.5)
-    radius = np.linalg.norm(field.gaussians[0].means[0])
-    assert len(field.gaussians) == 1
-    assert radius == pytest.approx(np.sqrt(lam**2 + (1 - lam) ** 2), abs=1e-6)  # cos 90 = 0
+def test_nothing_is_computed_that_nobody_asked_for(door, monkeypatch):
+    calls = []
 
+    def counted(name):
+        true = getattr(room, name)
 
-def test_paper_mode_interpolates_with_the_printed_weight():
-    rng = np.random.default_rng(0)
-    p0 = rng.uniform(size=(60, 3)) * 10
-    p1 = p0.copy()
-    p1[:5] += [0.01, 0.02, 0.03]
-    p1 = np.concatenate([p1, rng.uniform(size=(20, 3)) * 10 + [30, 0, 0]])
-    field = canonical_field(gaussians_of(p0), gaussians_of(p1), paper_mode=True)
-    lam, (i, j) = field.richness_weight, field.matches.T
-    assert field.reference_state == 1
-    expected = lam * np.float32(p0)[i] + (1 - lam) * np.float32(p1)[j]
-    np.testing.assert_allclose(field.gaussians[0].means[j], expected, atol=1e-4)
+        def call(*args):
+            calls.append(name)
+            return true(*args)
 
+        monkeypatch.setattr(room, name, call)
 
-def test_hungarian_recovers_a_permuted_small_shift():
-    points = np.random.default_rng(1).uniform(size=(80, 3))
-    order = np.random.default_rng(2).permutation(80)
-    pairs = match_hungarian(points, points[order] + 1e-4)
-    assert sorted(pairs[:, 0]) == list(range(80))
-    np.testing.assert_array_equal(order[pairs[:, 1]], pairs[:, 0])
-
-
-def test_hungarian_is_bounded():
-    points = np.random.default_rng(3).uniform(size=(700, 3))
-    assert match_hungarian(points, points, 64).shape == (64, 2)
-    assert match_hungarian(points[:9], points, MAX_MATCHES * 9).shape == (9, 2)
-    assert match_hungarian(points[:0], points).shape == (0, 2)
-
-
-def test_farthest_points_cover_the_cloud_and_follow_rigid_motion():
-    points = np.random.default_rng(4).uniform(size=(1500, 3))
-    index = farthest_point_sample(points, 100)
-    assert len(set(index)) == 100
-    gaps = np.linalg.norm(points[:, None] - points[index], axis=2)
-    chosen = np.linalg.norm(points[index][:, None] - points[index], axis=2) + 9 * np.eye(100)
-    # greedy law: no left-out point is farther from the sample than the sample's own spacing
-    assert gaps.min(1).max() <= chosen.min() + 1e-9
-    move = make(rotation_from_rotvec(np.array([1.0, 2.0, 0.4])), np.array([3.0, 0.0, 1.0]))
-    np.testing.assert_array_equal(farthest_point_sample(apply(move, points), 100), index)
-
-
-def test_coincident_points_are_not_taken_twice():
-    assert sorted(farthest_point_sample(np.zeros((6, 3)), 9)) == list(range(6))
-
-
-def test_empty_or_broken_state_is_refused():
-    good, empty = gaussians_of(np.zeros((2, 3))), gaussians_of(np.zeros((0, 3)))
-    with pytest.raises(FitError, match=r"state 1: the fit holds 0 Gaussians.*check"):
-        canonical_field(good, empty)
-    with pytest.raises(FitError, match=r"state 0: 1 of 2 Gaussians have NaN"):
-        canonical_field(gaussians_of(np.array([[0, 0, 0], [np.nan, 0, 0]])), good)
+    counted("surfaces_of")
+    counted("without_unseen")
+    both = canonical(*door)
+    assert not calls
+    assert not set(vars(both)) & set(MADE_WHEN_ASKED)
+    for _ in range(2):
+        both.weights, both.told, both.surfaces  # noqa: B018
+    assert calls == ["surfaces_of"]
+    for _ in range(2):
+        both.seen  # noqa: B018
+    assert calls == ["surfaces_of", "without_unseen", "without_unseen"]

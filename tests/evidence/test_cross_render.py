@@ -92,13 +92,13 @@ def test_both_directions_add_up_and_a_weightless_one_is_left_out(moved):
 def test_only_the_part_moves_and_it_turns_with_its_motion(moved):
     gaussians, labels, _, _ = moved
     turn = se3.screw_motion(np.array([0.0, 0.6, 0.8]), np.array([0.1, 0, 0]), 0.8, 0.1)
-    means, quats = move_gaussians(gaussians[0], labels[0], [np.eye(4), turn])
+    drawn = move_gaussians(gaussians[0], labels[0], [np.eye(4), turn])
     base, own = labels[0] == 0, labels[0] == 1
-    assert np.array_equal(means[base], gaussians[0].means[base])
+    assert np.array_equal(drawn.means[base], gaussians[0].means[base])
     expected = se3.apply(turn, gaussians[0].means[own].astype(float))
-    assert np.allclose(means[own], expected, atol=1e-6)
+    assert np.allclose(drawn.means[own], expected, atol=1e-6)
     there = turn[:3, :3] @ se3.rotation_from_quats(gaussians[0].quats[own])
-    assert np.allclose(se3.rotation_from_quats(quats[own]), there, atol=1e-5)
+    assert np.allclose(se3.rotation_from_quats(drawn.quats[own]), there, atol=1e-5)
 
 
 def test_small_views_are_spread_training_views_with_scaled_cameras(moved):

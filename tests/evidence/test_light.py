@@ -109,12 +109,12 @@ def test_even_light_changes_nothing(scene):
 def test_the_images_of_a_turned_part_fit_in_its_light(toy, scene):
     gaussians, labels, light = scene
     moves = [np.eye(4), TURN]
-    means, quats = move_gaussians(gaussians, labels, moves)
+    there = move_gaussians(gaussians, labels, moves)
     eyes = toy.cameras(6, 48, np.array([0.5, 0.4, 0.4]), 1.2)
 
     def cost(colors, way):
         """Where the photos show these colours."""
-        shone = replace(gaussians, means=means, quats=quats,
+        shone = replace(gaussians, means=there.means, quats=there.quats,
                         sh0=((colors - 0.5) / SH_C0).astype(np.float32))
         views = small_views(toy.drawn(shone, *eyes, 48), 6, 48)
         return both_cost((gaussians, gaussians), (labels, labels), moves, (views, views),

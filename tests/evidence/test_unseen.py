@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from part2gs_robotics.evidence.cross_render import both_cost
-from part2gs_robotics.evidence.study import gather
 from part2gs_robotics.evidence.unseen import LEAST, shares_shown, without_unseen
 from part2gs_robotics.model import se3
 from part2gs_robotics.model.gaussians import Gaussians
@@ -60,8 +59,7 @@ def test_photos_of_their_own_state_stay_the_same(slid):
     assert len(clear) == len(both)
 
     def drawn(g, v):
-        arrays = g.means, g.quats, g.scales, g.opacities, g.colors
-        return render(*arrays, photos.viewmats[v], photos.Ks[v], SIDE, SIDE).color
+        return render(g.splats, photos.camera(v)).color
 
     for v in range(3):
         assert np.abs(drawn(both, v) - drawn(clear, v)).mean() < 2e-3
@@ -89,6 +87,6 @@ def test_a_study_draws_no_gaussian_that_no_photo_shows(toy):
     plain = [toy.gaussians_of([base, b], 0.04)[0]
              for b in (block, toy.Box(block.lo, block.hi, 2, MOVE))]
     both = joined(plain[0], buried(plain[0], 2.0)), plain[1]
-    study = gather(toy.scene_of(tuple(toy.drawn(g, *eyes, 64) for g in both)), both)
+    study = toy.study_of(toy.scene_of(tuple(toy.drawn(g, *eyes, 64) for g in both)), both)
     assert [len(g) for g in study.gaussians] == [len(g) for g in both]
     assert study.gaussians[0].opacities[len(plain[0]):].max() < 1e-6

@@ -9,15 +9,15 @@ import pytest
 from numpy.typing import NDArray
 
 from part2gs_robotics.errors import FitError
-from part2gs_robotics.runtime.adam import Adam
 from part2gs_robotics.fit.density import Density
 from part2gs_robotics.fit.fit_state import FitConfig, fit_state
 from part2gs_robotics.fit.start import quats_from_normals
 from part2gs_robotics.fit.step import alpha_term, depth_term, gaussians_of, opacity_term, params_of
 from part2gs_robotics.model.gaussians import SH_C0, Gaussians
-from part2gs_robotics.model.scene import StateViews
+from part2gs_robotics.model.scene import Camera, StateViews
 from part2gs_robotics.model.se3 import rotation_from_quats
 from part2gs_robotics.render.cpu import render
+from part2gs_robotics.runtime.adam import Adam
 from part2gs_robotics.runtime.finite import require_finite
 
 TINY = FitConfig(steps=60, half_steps=20, start_gaussians=250, max_gaussians=400,
@@ -56,8 +56,7 @@ def tiny() -> StateViews:
         z, turn = 1 - 2 * (v + 0.5) / views, 2.399963 * v
         root = np.sqrt(1 - z * z)
         mats.append(camera(2.2 * np.array([root * np.cos(turn), root * np.sin(turn), z])))
-        drawn = render(g.means, g.quats, g.scales, g.opacities, g.colors, mats[-1], intrinsics,
-                       size, size)
+        drawn = render(g.splats, Camera(mats[-1], intrinsics, size, size))
         alpha = np.clip(drawn.alpha, 0, 1)
         images.append(np.clip(drawn.color / np.maximum(alpha, 1e-3)[..., None], 0, 1) * 255)
         alphas.append(alpha * 255)
@@ -84,6 +83,17 @@ def test_adam_follows_its_closed_form() -> None:
         first, second = 0.9 * first + 0.1 * grad, 0.999 * second + 0.001 * grad**2
         value = value - 0.1 * (first / (1 - 0.9**t)) / (np.sqrt(second / (1 - 0.999**t)) + 1e-15)
     np.testing.assert_allclose(params["x"], value, rtol=1e-12)
+
+
+def test_adam_updates_arrays_of_any_layout() -> None:
+    rng = np.random.default_rng(0)
+    value, grads = rng.normal(size=(5, 3)), rng.normal(size=(4, 5, 3))
+    plain, turned = {"x": value.copy()}, {"x": np.asfortranarray(value)}
+    one, two = Adam({"x": 0.1}), Adam({"x": 0.1})
+    for grad in grads:
+        one.step(plain, {"x": grad})
+        two.step(turned, {"x": np.asfortranarray(grad)})
+    np.testing.assert_array_equal(turned["x"], plain["x"])
 
 
 def test_adam_rows_follow_their_gaussians() -> None:
@@ -181,8 +191,7 @@ def test_depth_images_improve_depth(tiny: StateViews) -> None:
         g = fit_state(state, config=replace(TINY, depth_weight=2.0)).gaussians
         total = []
         for v in np.flatnonzero(tiny.held_out):
-            drawn = render(g.means, g.quats, g.scales, g.opacities, g.colors, tiny.viewmats[v],
-                           tiny.Ks[v], tiny.width, tiny.height)
+            drawn = render(g.splats, tiny.camera(v))
             both = (drawn.alpha > 0.9) & (tiny.alphas[v] > 230)
             assert tiny.depths is not None
             total.append(np.abs(drawn.depth / np.maximum(drawn.alpha, 0.9) - tiny.depths[v])[both])

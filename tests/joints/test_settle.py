@@ -8,20 +8,21 @@ import numpy as np
 import pytest
 
 from part2gs_robotics.config import ArticulateConfig
-from part2gs_robotics.evidence.cross_render import both_cost
-from part2gs_robotics.joints import settle as settle_room
+from part2gs_robotics.decide.candidate import on_base
 from part2gs_robotics.decide.claim import claim
-from part2gs_robotics.joints.settle import VETO, _aligned, _final, _held, settle
-from part2gs_robotics.model.joint import Joint, move_of
+from part2gs_robotics.evidence.cross_render import both_cost
+from part2gs_robotics.joints import settle as settle_file
+from part2gs_robotics.joints.settle import VETO, Photos, _aligned, _final, _held, settle
+from part2gs_robotics.model.joint import Joint
 from part2gs_robotics.model.small_views import small_views
-from part2gs_robotics.search.hypothesis import Hypothesis
 
 pytestmark = pytest.mark.usefixtures("one_numba_thread")
 
 
 @pytest.fixture(scope="module")
-def views(look_alikes):
-    return tuple(small_views(state, 6, 56) for state in look_alikes.scene.states)
+def photos(look_alikes):
+    views = tuple(small_views(state, 6, 56) for state in look_alikes.scene.states)
+    return Photos(views, views)
 
 
 @pytest.fixture(scope="module")
@@ -29,8 +30,9 @@ def true_joints(look_alikes):
     return [Joint("prismatic", h.axis, h.origin, h.value) for h in look_alikes.truth]
 
 
-def hypothesis(joint):
-    return Hypothesis(0, joint.axis, joint.origin, joint.value)
+def labels_of(judge, joints):
+    """Return the labels that the decision gives surfels under the joints."""
+    return judge.judge(on_base(joints)).labels
 
 
 def off(joint, degrees, length):
@@ -40,10 +42,10 @@ def off(joint, degrees, length):
                    value=joint.value + length)
 
 
-def image_cost(judge, joints, hard, views):
-    labels = judge.study.gaussian_labels(hard)
-    moves = [np.eye(4), *(move_of(joint) for joint in joints)]
-    return both_cost(judge.study.gaussians, labels, moves, views, (0.5, 0.5))
+def image_cost(judge, found, photos):
+    labels = judge.study.gaussian_labels(found.labels)
+    moves = [np.eye(4), *(joint.state1_from_0 for joint in found.motions)]
+    return both_cost(judge.study.gaussians, labels, moves, photos.small, (0.5, 0.5))
 
 
 def miss(judge, joints, truth):
@@ -54,46 +56,47 @@ def miss(judge, joints, truth):
 
 
 @pytest.mark.parametrize(("degrees", "share"), [(0.0, 0.0), (1.5, 0.01), (-1.5, -0.01)])
-def test_one_joint_is_aligned_and_its_labels_follow(judge, views, true_joints, degrees, share):
-    start = off(true_joints[0], degrees, share * judge.study.diag)
-    hard = judge.judge([hypothesis(true_joints[0])]).hard
-    found, labels = settle(judge, [start], hard, views, views, ArticulateConfig())
-    right, _ = claim(judge, true_joints[:1], hard)
-    assert (labels == right).mean() > 0.98
-    before = image_cost(judge, [start], hard, views)  # walls and edges draw as well, a little
-    assert image_cost(judge, found, hard, views) <= 1.001 * before
-    assert miss(judge, found, true_joints[:1]) < 0.002
-    assert 0 < found[0].sigma_value < 0.01
+def test_one_joint_is_aligned_and_its_labels_follow(judge, photos, true_joints, degrees, share):
+    true = on_base(true_joints[:1], labels_of(judge, true_joints[:1]))
+    start = true.swapped(0, off(true_joints[0], degrees, share * judge.study.diag))
+    found = settle(judge, start, photos, ArticulateConfig())
+    right, _ = claim(judge, true)
+    assert (found.labels == right).mean() > 0.98
+    before = image_cost(judge, start, photos)  # walls and edges draw as well, a little
+    after = image_cost(judge, replace(found, labels=true.labels), photos)
+    assert after <= 1.001 * before
+    assert miss(judge, found.motions, true_joints[:1]) < 0.002
+    assert 0 < found.motions[0].sigma_value < 0.01
 
 
-def test_look_alikes_get_their_own_lengths_and_surfels(judge, views, true_joints):
+def test_look_alikes_get_their_own_lengths_and_surfels(judge, photos, true_joints):
     """Lengths off towards each other and axes apart: every block holds surfels of the other."""
-    truth = judge.judge([hypothesis(j) for j in true_joints]).hard
+    truth = labels_of(judge, true_joints)
     length = 0.01 * judge.study.diag
-    start = [off(true_joints[0], 1.0, -length), off(true_joints[1], -1.0, length)]
-    before = judge.judge([hypothesis(j) for j in start]).hard
-    found, hard = settle(judge, start, before, views, views, ArticulateConfig())
-    assert image_cost(judge, found, hard, views) <= image_cost(judge, start, before, views)
-    assert miss(judge, start, true_joints) > 0.009
-    assert miss(judge, found, true_joints) < 0.002
-    assert (hard == truth).mean() > max(0.98, (before == truth).mean())
-    assert [j.kind for j in found] == ["prismatic", "prismatic"]
+    joints = [off(true_joints[0], 1.0, -length), off(true_joints[1], -1.0, length)]
+    start = judge.judge(on_base(joints))
+    found = settle(judge, start, photos, ArticulateConfig())
+    assert image_cost(judge, found, photos) <= image_cost(judge, start, photos)
+    assert miss(judge, start.motions, true_joints) > 0.009
+    assert miss(judge, found.motions, true_joints) < 0.002
+    assert (found.labels == truth).mean() > max(0.98, (start.labels == truth).mean())
+    assert [j.kind for j in found.motions] == ["prismatic", "prismatic"]
 
 
-def test_a_part_that_nothing_shows_does_not_spoil_the_others(judge, views, true_joints):
+def test_a_part_that_nothing_shows_does_not_spoil_the_others(judge, photos, true_joints):
     """No surfel belongs to the second joint: the first one is settled all the same."""
-    start = [true_joints[0], replace(true_joints[1], axis=np.array([0.0, 0, 1]), value=0.5)]
-    before = judge.judge([hypothesis(true_joints[0])]).hard
-    found, hard = settle(judge, start, before, views, views, ArticulateConfig())
-    was = image_cost(judge, start, before, views)  # of the true joint: it cannot get better
-    assert image_cost(judge, found, hard, views) <= (1 + VETO) * was
-    assert miss(judge, found[:1], true_joints[:1]) < 0.003
-    assert all(np.isfinite(j.axis).all() and np.isfinite(j.value) for j in found)
+    joints = [true_joints[0], replace(true_joints[1], axis=np.array([0.0, 0, 1]), value=0.5)]
+    start = on_base(joints, labels_of(judge, true_joints[:1]))
+    found = settle(judge, start, photos, ArticulateConfig())
+    was = image_cost(judge, start, photos)  # of the true joint: it cannot get better
+    assert image_cost(judge, found, photos) <= (1 + VETO) * was
+    assert miss(judge, found.motions[:1], true_joints[:1]) < 0.003
+    assert all(np.isfinite(j.axis).all() and np.isfinite(j.value) for j in found.motions)
 
 
 @pytest.mark.parametrize("second_holds", [True, False])
 def test_alignment_is_made_again_where_a_joint_is_not_held(
-    judge, views, true_joints, monkeypatch, second_holds
+    judge, photos, true_joints, monkeypatch, second_holds
 ) -> None:
     """The first alignment loses hold of a slide; the second is taken only if it holds it."""
     calls = []
@@ -104,9 +107,9 @@ def test_alignment_is_made_again_where_a_joint_is_not_held(
         lost = len(calls) == 1 or not second_holds
         return [end[0], replace(end[1], sigma_axis=np.inf)] if lost else end
 
-    monkeypatch.setattr(settle_room, "_final", losing)
-    hard = judge.judge([hypothesis(j) for j in true_joints]).hard
-    found = _aligned(judge, true_joints, hard, views, ArticulateConfig())
+    monkeypatch.setattr(settle_file, "_final", losing)
+    start = judge.judge(on_base(true_joints))
+    found = _aligned(judge, start, photos.sharp, ArticulateConfig())
     assert len(calls) == 2
     assert [_held(j) for j in found] == [True, second_holds]
     assert miss(judge, found, true_joints) < 0.002

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from part2gs_robotics.joints.align import align
+from part2gs_robotics.joints.align import AlignmentProblem, align
 from part2gs_robotics.model import se3
 
 
@@ -80,11 +80,15 @@ def knob(sim, rng, stripe):
                     (eyes[0][1], eyes[1][1]), 72, 0.8)
 
 
+def problem_of(d, labels, photos):
+    return AlignmentProblem(d.gaussians, (labels, labels), photos, d.diag)
+
+
 @pytest.mark.parametrize("stripe", [False, True])
 def test_the_turn_of_a_knob_of_one_colour_is_unobservable(sim, stripe):
     rng = np.random.default_rng(3)
     d = knob(sim, rng, stripe)
-    found, = align(d.gaussians, (d.labels, d.labels), [d.start], sim.photos(d, 3.0, rng), d.diag)
+    found, = align(problem_of(d, d.labels, sim.photos(d, 3.0, rng)), [d.start])
     assert math.isinf(found.sigma_value) == (not stripe)
     if stripe:
         assert abs(found.value - d.truth.value) < 4 * found.sigma_value < 0.1
@@ -94,6 +98,6 @@ def test_a_part_that_no_pixel_shows_is_unobservable(sim):
     rng = np.random.default_rng(4)
     d = sim.draw("revolute", rng)
     nobody = np.zeros_like(d.labels)
-    found, = align(d.gaussians, (nobody, nobody), [d.start], sim.photos(d, 3.0, rng), d.diag)
+    found, = align(problem_of(d, nobody, sim.photos(d, 3.0, rng)), [d.start])
     assert np.isinf(sigmas(found)).all()
     assert found.value == d.start.value

@@ -7,9 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from part2gs_robotics.joints import view as align_view
-from part2gs_robotics.joints.align_steps import at
-from part2gs_robotics.joints.align_system import System
+from part2gs_robotics.joints import view as view_file
+from part2gs_robotics.joints.solver import System, at
 from part2gs_robotics.model.joint import Joint
 from part2gs_robotics.model.small_views import small_views
 from part2gs_robotics.render.dispatch import render
@@ -28,8 +27,7 @@ def seen(toy):
     photos = toy.drawn(replace(g, means=g.means + off), Ks, viewmats, SIDE)
     small = small_views(photos, VIEWS, SIDE)
     hot = np.eye(2, dtype=np.float32)[owner]
-    drawn = [render(g.means, g.quats, g.scales, g.opacities, g.colors, view, K, SIDE, SIDE,
-                    extra=hot) for K, view in zip(small.Ks, small.viewmats, strict=True)]
+    drawn = [render(g.splats, small.camera(v), extra=hot) for v in range(len(small))]
     return drawn, small
 
 
@@ -39,14 +37,15 @@ def system_of(seen, blur):
     n = len(pose.offset)
     system = System(np.zeros((n, n)), np.zeros(n))
     for v, out in enumerate(drawn):
-        align_view.add_view([system], [pose.rates(1)], out, small, v, DIAG, blur, 0.1)
+        view_file.add_view([system], [pose.rates(1)], out, small.photo(v), DIAG,
+                           view_file.Level(blur, 0.1, 1))
     return system
 
 
 @pytest.mark.parametrize("blur", [0.5, 2.0])
 def test_a_parts_window_tells_what_the_whole_image_does(seen, blur, monkeypatch):
     cut = system_of(seen, blur)
-    monkeypatch.setattr(align_view, "BLURRED", SIDE / blur)  # windows as large as the image
+    monkeypatch.setattr(view_file, "BLURRED", SIDE / blur)  # windows as large as the image
     whole = system_of(seen, blur)
     assert cut.count == whole.count > 100
     assert cut.error == pytest.approx(whole.error, rel=1e-6)
@@ -56,8 +55,8 @@ def test_a_parts_window_tells_what_the_whole_image_does(seen, blur, monkeypatch)
 
 def test_a_window_that_is_too_small_tells_something_else(seen, monkeypatch):
     right = system_of(seen, 2.0)
-    monkeypatch.setattr(align_view, "BLURRED", 0.0)
-    monkeypatch.setattr(align_view, "RIM", 0)
+    monkeypatch.setattr(view_file, "BLURRED", 0.0)
+    monkeypatch.setattr(view_file, "RIM", 0)
     assert system_of(seen, 2.0).error != pytest.approx(right.error, rel=1e-3)
 
 
@@ -67,6 +66,7 @@ def test_a_part_that_no_pixel_shows_adds_nothing(seen):
     n = len(pose.offset)
     system = System(np.zeros((n, n)), np.zeros(n))
     unseen = replace(drawn[0], extra=np.zeros_like(drawn[0].extra))
-    align_view.add_view([system], [pose.rates(1)], unseen, small, 0, DIAG, 1.0, 0.1)
+    view_file.add_view([system], [pose.rates(1)], unseen, small.photo(0), DIAG,
+                       view_file.Level(1.0, 0.1, 1))
     assert system.count == 0
     assert not system.h.any()

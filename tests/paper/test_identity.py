@@ -7,6 +7,7 @@ import time
 import numpy as np
 import pytest
 import torch
+from paper_terms import part_kl_loss, part_log_probs
 from scipy.sparse import csr_array
 
 from part2gs_robotics.model.gaussians import SH_C0, Gaussians
@@ -14,7 +15,7 @@ from part2gs_robotics.model.joint import Joint
 from part2gs_robotics.model.kinematics import part_motions
 from part2gs_robotics.model.se3 import apply, quat_from_rotation, rotation_from_rotvec
 from part2gs_robotics.paper.identity import IdentityConfig, refine_identities, soft_objective
-from part2gs_robotics.paper.neighbourhood import part_kl_loss, part_log_probs, part_neighbors
+from part2gs_robotics.paper.neighbourhood import part_neighbors
 
 STEP = 0.02
 HINGE = Joint("revolute", np.array([0.0, 0, 1]), np.array([0.2, 0, 0]), -np.deg2rad(70))

@@ -5,14 +5,15 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import torch
+from paper_terms import grid_signed_distance
 
 from part2gs_robotics.model.se3 import rotation_from_rotvec, screw_motion
 from part2gs_robotics.paper.losses import (
+    Form,
     articulation_loss,
     best_rotation,
     contact_loss,
     geman_mcclure,
-    grid_signed_distance,
     moved_points,
     repel_loss,
     rotation_angle,
@@ -71,12 +72,13 @@ def test_gradients_of_pair_losses(paper, seed):
     assert_gradients(lambda a, b, c: velocity_loss(a, b, c, paper=paper), p0, p1, w)
     rots, trans = tensor(rng.normal(size=(2, 3, 3)), True), tensor(rng.normal(size=(2, 3)), True)
     assert_gradients(
-        lambda *x: vector_field_loss(*x, sigma=0.5, paper=paper), p0, p1, rots, trans, w
+        lambda *x: vector_field_loss(*x, Form(paper, 0.5)), p0, p1, rots, trans, w
     )
     start, goal = rotation(rng.normal(size=3)), rotation(rng.normal(size=3))
     start.requires_grad_()
     shift = tensor(rng.normal(size=3), True)
-    assert_gradients(lambda *x: articulation_loss(*x, goal, 0.3, 0.5, paper), start, shift, p0, p1)
+    assert_gradients(lambda r, t, *pair: articulation_loss(r, t, pair, goal, 0.3, Form(paper, 0.5)),
+                     start, shift, p0, p1)
 
 
 @pytest.mark.parametrize(("angle_deg", "printed"), [(10, 0.0009), (45, 0.0176), (90, 0.060)])
@@ -165,7 +167,7 @@ def test_vector_field_forgives_outliers_only_when_corrected():
     still = torch.eye(3, dtype=torch.float64)[None], torch.zeros(1, 3, dtype=torch.float64)
     p1 = p0.clone()
     p1[0] += 100.0
-    assert vector_field_loss(p0, p1, *still, w, paper=True).item() == pytest.approx(3e4)
+    assert vector_field_loss(p0, p1, *still, w, Form(paper=True)).item() == pytest.approx(3e4)
     assert vector_field_loss(p0, p1, *still, w).item() <= 1 / 50
     order = torch.randperm(50, generator=torch.Generator().manual_seed(0))
     assert vector_field_loss(p0, p0[order], *still, w).item() == 0.0  # needs no pairs
@@ -175,12 +177,12 @@ def test_articulation_loss_vanishes_at_the_truth_and_angle_is_geodesic():
     p0 = tensor(RNG.normal(size=(12, 3)))
     turn, t = rotation([0.2, 0.5, -1.0]), tensor([0.1, 0.2, 0.3])
     p1 = p0 @ turn.T + t
-    assert articulation_loss(turn, t, p0, p1).item() < 1e-12
-    assert articulation_loss(turn, t, p0, p1, paper=True).item() < 1e-7
+    assert articulation_loss(turn, t, (p0, p1)).item() < 1e-12
+    assert articulation_loss(turn, t, (p0, p1), form=Form(paper=True)).item() < 1e-7
     eye = rotation([0, 0, 0])
     for angle in (0.0, 1e-4, 1.0, 3.0, np.pi):
         assert rotation_angle(eye, rotation([0, angle, 0])).item() == pytest.approx(angle, abs=1e-9)
-    value = articulation_loss(eye, t * 0, p0, p0, rotation([0, 1e-3, 0]), rot_weight=1.0).item()
+    value = articulation_loss(eye, t * 0, (p0, p0), rotation([0, 1e-3, 0]), rot_weight=1.0).item()
     assert value == pytest.approx(1e-6, rel=1e-6)  # angle^2 up to its fourth power
 
 
@@ -232,7 +234,7 @@ def test_finite_at_coincident_points_and_half_turns(paper, w, n):
         goal = None if target is None else rotation(target)
         inputs = rotation(w).requires_grad_(), tensor(np.zeros(3), True)
         assert_finite(
-            lambda *x, g=goal: articulation_loss(*x, g, paper=paper),
+            lambda r, t, *pair, g=goal: articulation_loss(r, t, pair, g, form=Form(paper)),
             *inputs, tensor(ones, True), tensor(ones, True),
         )  # fmt: skip
 
@@ -246,7 +248,7 @@ def test_finite_and_zero_for_empty_parts(paper, parts):
     trans = tensor(np.ones((parts, 3)), True)
     assert assert_finite(lambda *x: velocity_loss(*x, paper=paper), p0, p1, w) == 0.0
     field = p0, p1, rots, trans, w
-    assert assert_finite(lambda *x: vector_field_loss(*x, paper=paper), *field) == 0.0
+    assert assert_finite(lambda *x: vector_field_loss(*x, Form(paper)), *field) == 0.0
     nothing = tensor(np.zeros((0, 3)), True)
     assert assert_finite(lambda p: contact_loss(p, p0, sdf=ball, paper=paper), nothing) == 0.0
     assert assert_finite(lambda p: contact_loss(p, p, sdf=ball, paper=paper), p0) >= 0.0
@@ -265,7 +267,7 @@ def test_losses_follow_rigid_motion_of_the_world(paper):
 
     def losses(a, b, rot, trans):
         yield velocity_loss(a, b, w, paper).item()
-        yield vector_field_loss(a, b, rot[None], trans[None], w, 0.5, paper).item()
+        yield vector_field_loss(a, b, rot[None], trans[None], w, Form(paper, 0.5)).item()
         yield contact_loss(a, b, paper=True).item()
 
     assert list(losses(q0, q1, r_q, t_q)) == pytest.approx(list(losses(p0, p1, r, t)))

@@ -7,14 +7,13 @@ import itertools
 import numpy as np
 import pytest
 import torch
+from paper_terms import part_kl_loss, part_log_probs
 
 from part2gs_robotics.model.gaussians import Gaussians
 from part2gs_robotics.model.se3 import quat_from_rotation, rotation_from_rotvec
 from part2gs_robotics.paper.neighbourhood import (
     gaussian_normals,
     is_hard,
-    part_kl_loss,
-    part_log_probs,
     part_neighbors,
     part_temperature,
 )

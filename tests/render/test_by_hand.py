@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from part2gs_robotics.model.gaussians import Splats
+from part2gs_robotics.model.scene import Camera
 from part2gs_robotics.render.cpu import Rendered, render, render_backward
 
 Array = NDArray[np.float64]
@@ -19,7 +21,7 @@ def draw(opacities: list[float], sigma: float, colors: Array, dtype: type = np.f
     count = len(opacities)
     arrays = (np.tile([0.0, 0, DISTANCE], (count, 1)), np.tile([2.0, 0, 0, 0], (count, 1)),
               np.full((count, 3), sigma), np.array(opacities), colors)
-    return render(*(a.astype(dtype) for a in arrays), np.eye(4), K, SIDE, SIDE,
+    return render(Splats(*(a.astype(dtype) for a in arrays)), Camera(np.eye(4), K, SIDE, SIDE),
                   background=BACKGROUND)
 
 

@@ -8,6 +8,8 @@ import torch
 from numpy.typing import NDArray
 from render_reference import render_reference
 
+from part2gs_robotics.model.gaussians import Splats
+from part2gs_robotics.model.scene import Camera
 from part2gs_robotics.render.cpu import Gradients, Rendered, render, render_backward
 
 Array = NDArray[np.float64]
@@ -30,6 +32,7 @@ def _camera() -> tuple[Array, Array]:
 
 
 VIEWMAT, INTRINSICS = _camera()
+CAMERA = Camera(VIEWMAT, INTRINSICS, WIDTH, HEIGHT)
 
 
 def _world(camera_points: Array) -> Array:
@@ -60,10 +63,13 @@ def _draw(kind: str, seed: int, n: int = 6) -> dict[str, Array]:
             "extra": rng.normal(size=(n, 2))}
 
 
+def _splats(g: dict[str, Array]) -> Splats:
+    return Splats(*(g[k] for k in INPUTS[:-1]))
+
+
 def _render(g: dict[str, Array], dtype: type[np.floating] = np.float64) -> Rendered:
     v = {k: a.astype(dtype) for k, a in g.items()}
-    return render(v["means"], v["quats"], v["scales"], v["opacities"], v["colors"], VIEWMAT,
-                  INTRINSICS, WIDTH, HEIGHT, extra=v["extra"], background=BACKGROUND)
+    return render(_splats(v), CAMERA, extra=v["extra"], background=BACKGROUND)
 
 
 def _weights(seed: int) -> dict[str, Array]:
@@ -156,9 +162,8 @@ def test_permuting_gaussians_permutes_gradients() -> None:
 def test_any_image_size_is_a_crop_of_a_larger_one(size: tuple[int, int]) -> None:
     # From 21 x 38 on, no Gaussian is outside the field of view, where the Jacobian depends on it.
     g = _draw("mixed", 1, n=20)
-    args = [g[k] for k in INPUTS[:-1]]
-    small = render(*args, VIEWMAT, INTRINSICS, *size)
-    large = render(*args, VIEWMAT, INTRINSICS, 70, 70)
+    small = render(_splats(g), Camera(VIEWMAT, INTRINSICS, *size))
+    large = render(_splats(g), Camera(VIEWMAT, INTRINSICS, 70, 70))
     width, height = size
     np.testing.assert_allclose(small.color, large.color[:height, :width], rtol=0, atol=1e-12)
     np.testing.assert_array_equal(small.median_depth, large.median_depth[:height, :width])
@@ -188,9 +193,9 @@ def test_screen_gradient_is_the_slope_of_a_shift() -> None:
         for sign in (1, -1):
             K = INTRINSICS.copy()
             K[axis, 2] += sign * 1e-6
-            out = render(*(g[k] for k in INPUTS[:-1]), VIEWMAT, K, WIDTH, HEIGHT)
+            out = render(_splats(g), Camera(VIEWMAT, K, WIDTH, HEIGHT))
             shifted.append(float(np.sum(out.color * weights["color"])))
     slope = np.array([shifted[0] - shifted[1], shifted[2] - shifted[3]]) / 2e-6
-    out = render(*(g[k] for k in INPUTS[:-1]), VIEWMAT, INTRINSICS, WIDTH, HEIGHT)
+    out = render(_splats(g), CAMERA)
     measured = render_backward(out, weights["color"]).means2d_abs[0]
     assert measured == pytest.approx(np.linalg.norm(slope), rel=1e-6)

@@ -8,6 +8,8 @@ import torch
 from numpy.typing import NDArray
 from render_reference import render_reference
 
+from part2gs_robotics.model.gaussians import Splats
+from part2gs_robotics.model.scene import Camera
 from part2gs_robotics.render import cpu as render_cpu
 from part2gs_robotics.render import cuda as render_cuda
 from part2gs_robotics.render.dispatch import render, render_backward
@@ -47,6 +49,7 @@ def _viewmat() -> Array:
 
 
 VIEWMAT = _viewmat()
+CAMERA = Camera(VIEWMAT, INTRINSICS, WIDTH, HEIGHT)
 
 
 def _draw(kind: str, seed: int, n: int = COUNT) -> dict[str, Array]:
@@ -80,8 +83,8 @@ def _weights(seed: int) -> dict[str, Array]:
 
 def _render(g: dict[str, Array], device: str = "cuda") -> Rendered:
     with rendering_on("cuda" if device == "cuda" else "cpu"):
-        return render(*(g[name] for name in INPUTS[:-1]), VIEWMAT, INTRINSICS, WIDTH, HEIGHT,
-                      extra=g["extra"], background=BACKGROUND)
+        return render(Splats(*(g[name] for name in INPUTS[:-1])), CAMERA, extra=g["extra"],
+                      background=BACKGROUND)
 
 
 def _backward(rendered: Rendered, w: dict[str, Array]) -> dict[str, Array]:
@@ -188,7 +191,7 @@ def test_nothing_in_sight_shows_the_background() -> None:
         drawn = _render(case)
         np.testing.assert_allclose(drawn.color, np.broadcast_to(BACKGROUND, drawn.color.shape),
                                    rtol=1e-6)
-        assert drawn.num_visible == 0
+        assert not drawn.visible.any()
         assert not drawn.alpha.any()
         assert not drawn.median_depth.any()
         assert not _backward(drawn, _weights(0))["means"].any()

@@ -8,6 +8,8 @@ import torch
 from numpy.typing import NDArray
 from render_reference import render_reference
 
+from part2gs_robotics.model.gaussians import Splats
+from part2gs_robotics.model.scene import Camera
 from part2gs_robotics.render.cpu import Gradients, Rendered, render, render_backward
 
 Array = NDArray[np.float64]
@@ -50,9 +52,9 @@ def some(n: int, width: int = SIDE, height: int = SIDE, seed: int = 0) -> Scene:
 def drawn(g: Scene, dtype: Float, width: int = SIDE, height: int = SIDE,
           view: Array | None = None) -> Rendered:
     v = {k: a.astype(dtype) for k, a in g.items()}
-    out = render(v["means"], v["quats"], v["scales"], v["opacities"], v["colors"],
-                 np.eye(4) if view is None else view, camera(width, height), width, height,
-                 extra=v["extra"], background=BACKGROUND)
+    lens = Camera(np.eye(4) if view is None else view, camera(width, height), width, height)
+    out = render(Splats(*(v[k] for k in INPUTS[:-1])), lens, extra=v["extra"],
+                 background=BACKGROUND)
     assert all(np.isfinite(getattr(out, k)).all() for k in (*IMAGES, "median_depth"))
     return out
 
@@ -114,7 +116,7 @@ def test_no_gaussian_shows_the_background(dtype: Float) -> None:
     out = drawn(balls([], 0.1), dtype)
     np.testing.assert_array_equal(out.color - BACKGROUND.astype(dtype), 0)
     assert not any(getattr(out, k).any() for k in ("alpha", "depth", "median_depth", "extra"))
-    assert out.num_visible == 0
+    assert not out.visible.any()
     assert backward(out).means.shape == (0, 3)
 
 
@@ -128,7 +130,7 @@ def test_one_gaussian_equals_the_reference(dtype: Float) -> None:
 def test_gaussians_behind_the_camera_are_absent(dtype: Float, z: float) -> None:
     behind = balls([[0.0, 0.0, z], [0.3, -0.2, z], [0.0, 0.0, -1e6]], 0.2)
     alone, front = drawn(behind, dtype), some(5)
-    assert alone.num_visible == 0
+    assert not alone.visible.any()
     assert not alone.alpha.any()
     assert not any(getattr(backward(alone), k).any() for k in INPUTS)
     mixed = drawn({k: np.concatenate([behind[k], front[k]]) for k in INPUTS}, dtype)
@@ -146,7 +148,7 @@ def test_gaussian_on_the_near_plane_is_absent_and_one_past_it_is_drawn(dtype: Fl
     on = dtype(NEAR)  # in float32 just below 0.01, so that it is absent under either rounding
     before, past = np.nextafter(on, dtype(0)), np.nextafter(on, dtype(1))
     out = drawn(balls([[0.0, 0.0, float(before)], [0.0, 0.0, float(on)]], 1e-3), dtype)
-    assert out.num_visible == 0
+    assert not out.visible.any()
     assert not out.alpha.any()
     assert not backward(out).means.any()
     g = balls([[0.0, 0.0, float(past)]], 1e-3)  # 5 px

@@ -12,6 +12,8 @@ import pytest
 import yaml
 
 from part2gs_robotics.errors import ConfigError
+from part2gs_robotics.model.gaussians import Splats
+from part2gs_robotics.model.scene import Camera
 from part2gs_robotics.render import cpu as render_cpu
 from part2gs_robotics.render import pick_device as device
 from part2gs_robotics.render.pick_device import describe, pick_device
@@ -131,8 +133,9 @@ def test_gradient_is_taken_where_the_image_was_drawn() -> None:
     from part2gs_robotics.render.dispatch import render, render_backward
 
     one = np.ones((1, 3))
-    drawn = render(one * [0, 0, 2], np.ones((1, 4)), 0.1 * one, np.array([0.9]), one, np.eye(4),
-                   np.array([[40.0, 0, 8], [0, 40, 8], [0, 0, 1]]), 16, 16)
+    splats = Splats(one * [0, 0, 2], np.ones((1, 4)), 0.1 * one, np.array([0.9]), one)
+    K = np.array([[40.0, 0, 8], [0, 40, 8], [0, 0, 1]])
+    drawn = render(splats, Camera(np.eye(4), K, 16, 16))
     expected = render_cpu.render_backward(drawn, np.ones_like(drawn.color)).opacities.copy()
     with rendering_on("cuda"):
         gradients = render_backward(drawn, np.ones_like(drawn.color))

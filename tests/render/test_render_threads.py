@@ -12,6 +12,8 @@ import numba
 import numpy as np
 import pytest
 
+from part2gs_robotics.model.gaussians import Splats
+from part2gs_robotics.model.scene import Camera
 from part2gs_robotics.render.cpu import render, render_backward
 
 GAUSSIANS, WIDTH, HEIGHT = 1500, 100, 75  # many tiles of any size up to 32, some cut by the border
@@ -34,8 +36,7 @@ def results(dtype: type[np.floating]) -> list[bytes]:
               rng.uniform(0, 1, (GAUSSIANS, 3)))
     K = np.array([[80, 0, WIDTH / 2], [0, 80, HEIGHT / 2], [0, 0, 1.0]])
     shape = (HEIGHT, WIDTH)
-    means, quats, scales, opacities, colors = (a.astype(dtype) for a in inputs)
-    out = render(means, quats, scales, opacities, colors, np.eye(4), K, WIDTH, HEIGHT,
+    out = render(Splats(*(a.astype(dtype) for a in inputs)), Camera(np.eye(4), K, WIDTH, HEIGHT),
                  extra=rng.normal(size=(GAUSSIANS, 2)).astype(dtype), background=[0.2, 0.5, 0.7])
     gradients = render_backward(out, *(rng.normal(size=(*shape, *channels)).astype(dtype)
                                        for channels in ((3,), (), (), (2,))))

@@ -10,8 +10,9 @@ import numba
 import numpy as np
 import pytest
 
+from part2gs_robotics.decide.candidate import on_base
 from part2gs_robotics.decide.judge import Judge
-from part2gs_robotics.joints.align import FINE, _systems
+from part2gs_robotics.joints.align import FINE, AlignmentProblem, _systems
 from part2gs_robotics.joints.solver import at
 from part2gs_robotics.model.small_views import small_views
 from part2gs_robotics.runtime.device import current_device, rendering_on
@@ -88,16 +89,17 @@ def test_what_goes_wrong_in_a_task_is_raised(threads):
 def test_a_decision_and_an_alignment_are_the_same_bits_on_one_thread_and_on_two(
         look_alikes, threads):
     study, truth = look_alikes.study, look_alikes.truth
-    sets = [[h, replace(h, value=way)] for h in truth for way in (0.1, 0.24, 0.31)]
+    sets = [on_base([h, replace(h, value=way)]) for h in truth for way in (0.1, 0.24, 0.31)]
     views = tuple(small_views(s, 8, 56) for s in look_alikes.scene.states)
     poses = [at(replace(h, value=0.97 * h.value), study.diag) for h in truth]
     found = []
     for count in (1, 2):
         threads(count)
         best = Judge(study).best_of(sets)
-        labels = study.gaussian_labels(best.hard)
-        systems = _systems(study.gaussians, labels, poses, views, FINE[0])
-        found.append((best.cost, best.hard, [(s.h, s.g) for pair in systems for s in pair]))
+        labels = study.gaussian_labels(best.labels)
+        problem = AlignmentProblem(study.gaussians, labels, views, study.diag)
+        systems = _systems(problem, poses, FINE[0])
+        found.append((best.cost, best.labels, [(s.h, s.g) for pair in systems for s in pair]))
     (cost, hard, one), (other, labels, two) = found
     assert cost == other
     np.testing.assert_array_equal(hard, labels)

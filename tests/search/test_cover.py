@@ -7,11 +7,10 @@ from itertools import combinations
 import numpy as np
 import pytest
 
-from part2gs_robotics.evidence.study import Evidence
+from part2gs_robotics.evidence.surfaces import Evidence
 from part2gs_robotics.model import se3
-from part2gs_robotics.model.points import farthest
+from part2gs_robotics.model.joint import Joint
 from part2gs_robotics.search.cover import NULL_COST, choose, cover, explained, saved_matrix
-from part2gs_robotics.search.hypothesis import Hypothesis
 
 
 def value(saved, rows, price):
@@ -62,13 +61,6 @@ def test_the_choice_is_at_least_a_swap_from_no_better(seed):
             assert value(saved, swapped, price) <= found + 1e-9
 
 
-def test_farthest_points_spread():
-    rng = np.random.default_rng(0)
-    clusters = np.repeat(np.eye(3) * 5, 40, 0) + rng.normal(scale=0.01, size=(120, 3))
-    assert sorted(i // 40 for i in farthest(clusters, 3, rng)) == [0, 1, 2]
-    assert len(farthest(clusters[:2], 5, rng)) == 2
-
-
 def evidence_of(world):
     move = se3.make(np.eye(3), world.axis * world.value)
     lo, hi = np.array(world.block.lo), np.array(world.block.hi)
@@ -83,10 +75,10 @@ def evidence_of(world):
 
 def test_the_true_motion_explains_its_evidence_and_staying_none(slid):
     evidence, lands = evidence_of(slid)
-    truth = Hypothesis(0, slid.axis, np.zeros(3), slid.value)
+    truth = Joint("prismatic", slid.axis, np.zeros(3), slid.value)
     zero, one = explained(truth, evidence, lands, 0.03)
     assert np.concatenate([zero, one]).mean() > 0.8 * NULL_COST
-    still = Hypothesis(0, slid.axis, np.zeros(3), 0.0)
+    still = Joint("prismatic", slid.axis, np.zeros(3), 0.0)
     saved = saved_matrix([truth, still], evidence, lands, 2.0)
     assert saved.shape == (2, len(evidence.vacated) + len(evidence.arrived))
     assert (saved >= 0).all()
@@ -96,8 +88,8 @@ def test_the_true_motion_explains_its_evidence_and_staying_none(slid):
 def test_choosing_keeps_the_true_motion_and_polishes_a_rough_one(slid):
     evidence, lands = evidence_of(slid)
     axis = np.array([1.0, 0.02, -0.02])
-    rough = Hypothesis(0, axis / np.linalg.norm(axis), np.array([0.2, 0.3, 0.4]), 0.29)
-    wrong = [Hypothesis(0, np.eye(3)[i], np.zeros(3), d) for i in (1, 2) for d in (-0.4, 0.4)]
+    rough = Joint("prismatic", axis / np.linalg.norm(axis), np.array([0.2, 0.3, 0.4]), 0.29)
+    wrong = [Joint("prismatic", np.eye(3)[i], np.zeros(3), d) for i in (1, 2) for d in (-0.4, 0.4)]
     chosen = choose([*wrong, rough], evidence, lands, 2.0, 20.0)
     assert len(chosen) == 1
     h, gain = chosen[0]

@@ -12,7 +12,7 @@ from part2gs_robotics.evidence.landing import build_landing
 from part2gs_robotics.evidence.study import distances
 from part2gs_robotics.evidence.surfels import Surfels
 from part2gs_robotics.model import se3
-from part2gs_robotics.search.hypothesis import Hypothesis
+from part2gs_robotics.model.joint import Joint
 from part2gs_robotics.search.refine import STEPS, joint_move, matches, refine
 
 TAUS = (0.05, 0.03, 0.02)
@@ -32,10 +32,10 @@ def own_of(world):
 
 def truth_of(world):
     if hasattr(world, "pitch"):
-        return Hypothesis(2, world.axis, world.origin, world.value, None, world.pitch)
+        return Joint("screw", world.axis, world.origin, world.value, world.pitch)
     if hasattr(world, "origin"):
-        return Hypothesis(1, world.axis, world.origin, world.value)
-    return Hypothesis(0, world.axis, np.array([0.2, 0.3, 0.4]), world.value)
+        return Joint("revolute", world.axis, world.origin, world.value)
+    return Joint("prismatic", world.axis, np.array([0.2, 0.3, 0.4]), world.value)
 
 
 def lands_of(world):
@@ -56,9 +56,9 @@ def across_faces(found, truth, own):
 
 def perturbed_of(truth):
     axis = truth.axis + np.array([0.04, -0.03, 0.05])
-    return Hypothesis(truth.kind, axis / np.linalg.norm(axis),
-                      truth.origin + np.array([0.01, 0.012, 0.0]), truth.value * 1.05, None,
-                      truth.pitch * 0.8)
+    return Joint(truth.kind, axis / np.linalg.norm(axis),
+                 truth.origin + np.array([0.01, 0.012, 0.0]), truth.value * 1.05,
+                 truth.pitch * 0.8)
 
 
 @pytest.mark.parametrize("name", ["slid", "turned", "screwed"])
@@ -114,11 +114,11 @@ def test_refinement_follows_a_rigid_motion_of_the_world(turned):
         maps = DepthMaps(seen.maps.depths, seen.maps.alphas, seen.maps.Ks,
                          seen.maps.viewmats @ se3.inverse(world_move))
         s = carried(seen.surfels)
-        lands.append(build_landing(s, np.zeros(len(s)), maps, s.points.min(0) - 0.1,
-                                   s.points.max(0) + 0.1, 0.02, 0.1))
+        box = s.points.min(0) - 0.1, s.points.max(0) + 0.1
+        lands.append(build_landing(s, np.zeros(len(s)), maps, box, 0.02, 0.1))
     own, start = own_of(turned), perturbed_of(truth_of(turned))
     here = refine(start, own, lands_of(turned), TAUS, 4)
-    moved = Hypothesis(1, world_move[:3, :3] @ start.axis, se3.apply(world_move, start.origin),
+    moved = Joint("revolute", world_move[:3, :3] @ start.axis, se3.apply(world_move, start.origin),
                        start.value)
     there = refine(moved, (carried(own[0]), carried(own[1])), (lands[0], lands[1]), TAUS, 4)
     back = se3.inverse(world_move) @ there.move @ world_move
@@ -128,7 +128,7 @@ def test_refinement_follows_a_rigid_motion_of_the_world(turned):
 
 
 def test_without_matches_the_guess_stays(slid):
-    guess = Hypothesis(0, np.array([0.0, 0, 1]), np.zeros(3), 0.9)  # up into free space
+    guess = Joint("prismatic", np.array([0.0, 0, 1]), np.zeros(3), 0.9)  # up into free space
     found = refine(guess, own_of(slid), lands_of(slid), TAUS, 4)
     assert np.allclose(found.move, guess.move)
 
@@ -136,7 +136,7 @@ def test_without_matches_the_guess_stays(slid):
 def test_the_length_of_the_axis_does_not_matter():
     params = np.array([0.1, 0.2, 0.9, 1.0, 2.0, 3.0, 0.4])
     longer = params * np.array([3, 3, 3, 1, 1, 1, 1])
-    for kind in (0, 1):
+    for kind in ("prismatic", "revolute"):
         assert np.allclose(joint_move(kind, params), joint_move(kind, longer), atol=1e-14)
 
 

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from part2gs_robotics.evidence.guides import Guides
-from part2gs_robotics.evidence.study import Evidence
+from part2gs_robotics.evidence.surfaces import Evidence
 from part2gs_robotics.model import se3
-from part2gs_robotics.search.hypothesis import Hypothesis
+from part2gs_robotics.model.joint import Joint
 from part2gs_robotics.search.snap import distinct, slide_families, snapped
 
 
@@ -42,12 +42,12 @@ def tilted(axis, degrees):
 
 
 def test_a_tilted_slide_is_also_tried_straight(study):
-    rough = Hypothesis(0, tilted(np.array([1.0, 0, 0]), 15.0), np.zeros(3), 0.3)
+    rough = Joint("prismatic", tilted(np.array([1.0, 0, 0]), 15.0), np.zeros(3), 0.3)
     axes = [h.axis for h in snapped([rough], study, np.random.default_rng(0))]
     best = max(abs(a[0]) for a in axes)
     assert best > np.cos(np.deg2rad(0.5))
     for h in snapped([rough], study, np.random.default_rng(0)):
-        assert h.kind == 0
+        assert h.kind == "prismatic"
         assert h.axis @ rough.axis > 0  # the same way, not its opposite
         assert h.value == pytest.approx(0.3 * (h.axis @ rough.axis))
 
@@ -56,7 +56,7 @@ def test_a_motion_on_an_edge_is_held_there(study):
     """Edges come before faces: exactly their direction, and marked so that it stays."""
     edge = tilted(np.array([1.0, 0, 0]), 1.0)
     known = replace_straight(study, edge)
-    rough = Hypothesis(0, tilted(np.array([1.0, 0, 0]), 15.0), np.zeros(3), 0.3)
+    rough = Joint("prismatic", tilted(np.array([1.0, 0, 0]), 15.0), np.zeros(3), 0.3)
     found = snapped([rough], known, np.random.default_rng(0))
     on = [h for h in found if abs(h.axis @ edge) > 1 - 1e-12]
     assert len(on) == 1
@@ -68,20 +68,20 @@ def test_a_motion_on_an_edge_is_held_there(study):
 
 def test_a_hinge_is_snapped_within_its_own_narrower_limit(study):
     rng = np.random.default_rng(0)
-    near = Hypothesis(1, tilted(np.array([0.0, 0, 1]), 8.0), np.ones(3), 1.0)
-    far = Hypothesis(1, tilted(np.array([0.0, 0, 1]), 25.0), np.ones(3), 1.0)
+    near = Joint("revolute", tilted(np.array([0.0, 0, 1]), 8.0), np.ones(3), 1.0)
+    far = Joint("revolute", tilted(np.array([0.0, 0, 1]), 25.0), np.ones(3), 1.0)
     assert any(h.axis[2] > 0.9999 for h in snapped([near], study, rng))
     assert not any(h.axis[2] > 0.9999 for h in snapped([far], study, rng))
     assert all(np.array_equal(h.origin, near.origin) for h in snapped([near], study, rng))
 
 
 def test_the_family_of_a_direction_holds_the_true_distance(study, slid):
-    wrong_length = Hypothesis(0, slid.axis, np.zeros(3), 0.1)
-    turn = Hypothesis(1, np.array([0.0, 0, 1]), np.zeros(3), 0.5)
+    wrong_length = Joint("prismatic", slid.axis, np.zeros(3), 0.1)
+    turn = Joint("revolute", np.array([0.0, 0, 1]), np.zeros(3), 0.5)
     rng = np.random.default_rng(0)
     family = slide_families([turn, wrong_length], study, 20.0, rng)
     assert family
-    assert all(np.array_equal(h.axis, slid.axis) and h.kind == 0 for h in family)
+    assert all(np.array_equal(h.axis, slid.axis) and h.kind == "prismatic" for h in family)
     step = 0.01 * study.diag
     assert min(abs(h.value - slid.value) for h in family) <= 0.51 * step
     # without any slide the object's own directions are tried
@@ -93,8 +93,8 @@ def test_the_family_of_a_direction_holds_the_true_distance(study, slid):
 @pytest.mark.parametrize("held", [False, True])
 def test_an_edge_has_its_family_however_many_slides_lean_elsewhere(study, slid, held):
     leaning = [np.array(a) for a in ([0.0, 1, 0], [0.0, 0, 1], [0.0, 0.6, 0.8])]
-    last = Hypothesis(0, slid.axis, np.zeros(3), 0.1, held=held)
-    found = [*(Hypothesis(0, a, np.zeros(3), 0.2) for a in leaning), last]
+    last = Joint("prismatic", slid.axis, np.zeros(3), 0.1, held=held)
+    found = [*(Joint("prismatic", a, np.zeros(3), 0.2) for a in leaning), last]
     family = slide_families(found, study, 20.0, np.random.default_rng(0))
     along = [h for h in family if np.array_equal(h.axis, slid.axis)]
     assert bool(along) == held
@@ -102,8 +102,8 @@ def test_an_edge_has_its_family_however_many_slides_lean_elsewhere(study, slid, 
 
 
 def test_distinct_keeps_the_first_of_motions_that_act_alike(study):
-    a = Hypothesis(0, np.array([1.0, 0, 0]), np.zeros(3), 0.3)
-    same = Hypothesis(0, np.array([-1.0, 0, 0]), np.ones(3), -0.3)
-    near = Hypothesis(0, np.array([1.0, 0, 0]), np.zeros(3), 0.3 + 0.002 * study.diag)
-    other = Hypothesis(0, np.array([1.0, 0, 0]), np.zeros(3), 0.3 + 0.02 * study.diag)
+    a = Joint("prismatic", np.array([1.0, 0, 0]), np.zeros(3), 0.3)
+    same = Joint("prismatic", np.array([-1.0, 0, 0]), np.ones(3), -0.3)
+    near = Joint("prismatic", np.array([1.0, 0, 0]), np.zeros(3), 0.3 + 0.002 * study.diag)
+    other = Joint("prismatic", np.array([1.0, 0, 0]), np.zeros(3), 0.3 + 0.02 * study.diag)
     assert distinct([a, same, near, other, a], study) == [a, other]

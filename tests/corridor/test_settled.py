@@ -1,0 +1,86 @@
+"""The second half: joints settled, parts that do not stay replaced, and switches that matter."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from part2gs_robotics.articulate import Clock, Found, _proven, settled_motion
+from part2gs_robotics.config import ArticulateConfig
+from part2gs_robotics.decide.candidate import on_base
+from part2gs_robotics.decide.leave_out import LOOSE
+from part2gs_robotics.joints.settle import Photos
+from part2gs_robotics.model.joint import Joint
+
+pytestmark = pytest.mark.usefixtures("one_numba_thread", "one_torch_thread")
+
+PLAIN = ArticulateConfig(identity=False, contact=False, vector_field=False, alignment=False)
+
+
+@pytest.mark.parametrize("known", [True, False])
+def test_settled_parts_are_proven_until_nothing_leaves(judge, right, look_alikes, known,
+                                                       monkeypatch):
+    """A loose false part leaves, the true one has its place, and all settle once for that."""
+    first, second = (Joint("prismatic", h.axis, h.origin, h.value, sigma_axis=0.5 * LOOSE,
+                           seen=(0.5 * LOOSE, 1e-3)) for h in look_alikes.truth)
+    false = replace(second, axis=np.array([0.0, 1, 0]), seen=(0.1, 1e-3))
+    photos, settled = Photos((), ()), []
+
+    def settle(_judge, found, *_photos_and_config):
+        settled.append(len(found))
+        return found.with_motions(replace(j, seen=(0.5 * LOOSE, 1e-3)) for j in found.motions)
+
+    monkeypatch.setattr("part2gs_robotics.articulate.settle", settle)
+    start = on_base([first, false], right.labels)
+    pool = look_alikes.truth if known else [false]
+    found = _proven(judge, start, photos, ArticulateConfig(), pool)
+    ways = [0.3, 0.2] if known else [0.3]
+    assert [j.value for j in found.motions] == pytest.approx(ways, abs=5e-3)
+    assert settled == [len(found)]
+    sound = on_base([first, second], right.labels)
+    assert _proven(judge, sound, photos, ArticulateConfig(), pool) is sound
+    assert len(settled) == 1
+
+
+def settled_of(look_alikes, judge, decided, config):
+    """Return the motion of a decision, with no pool to take other parts from."""
+    return settled_motion(look_alikes.scene, Found(judge, decided, [], False, Clock(None)), config)
+
+
+def test_identity_and_alignment_switches_change_the_motion(look_alikes, judge):
+    decided = judge.judge(on_base(replace(h, value=h.value + 0.02) for h in look_alikes.truth))
+    motions = {
+        name: settled_of(look_alikes, judge, decided, config)
+        for name, config in {
+            "none": PLAIN, "identity": replace(PLAIN, identity=True),
+            "printed": replace(PLAIN, identity=True, paper_mode=True, alignment=True),
+            "aligned": replace(PLAIN, identity=True, alignment=True),
+        }.items()}  # fmt: skip
+    way = {name: [j.value for j in m.joints] for name, m in motions.items()}
+    probs = {name: m.part_probs[0].argmax(1) for name, m in motions.items()}
+    assert (probs["none"] != probs["identity"]).any()
+    assert (probs["printed"] != probs["identity"]).any()
+    truth = [h.value for h in look_alikes.truth]
+    error = {name: np.abs(np.subtract(w, truth)).max() for name, w in way.items()}
+    assert error["aligned"] < 0.005 < error["identity"]
+    assert way["printed"] == way["identity"], "paper mode never aligns"
+    assert all(row["physics_kept"] == 0.0 for m in motions.values() for row in m.diagnostics)
+
+
+def test_the_pull_is_kept_joint_by_joint_where_images_agree(look_alikes, judge):
+    """Half a per cent of the diagonal too long: within the reach of the robust scale."""
+    near = judge.judge(on_base(replace(h, value=h.value + 0.006) for h in look_alikes.truth))
+    motions = []
+    for config in (PLAIN, replace(PLAIN, vector_field=True)):
+        config = replace(config, identity=True)
+        motions.append(settled_of(look_alikes, judge, near, config))
+    still, pulled = motions
+    same = [a.value == b.value for a, b in zip(*(m.joints for m in motions), strict=True)]
+    assert [row["physics_kept"] for row in pulled.diagnostics] == [float(not s) for s in same]
+    assert not all(same)
+    truth = [h.value for h in look_alikes.truth]
+    error = [np.abs(np.subtract([j.value for j in m.joints], truth)).sum() for m in motions]
+    assert error[1] < error[0]
+    assert still.diagnostics[0]["physics_kept"] == 0.0
