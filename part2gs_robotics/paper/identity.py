@@ -49,9 +49,9 @@ class IdentityConfig:
     floor: float = 0.02
     """Least share a part has in any neighbourhood, so that it costs at most 4 nats there."""
     normal_weight: float = 4.0
-    """See `parts.part_neighbors`."""
+    """See `neighbourhood.part_neighbors`."""
     color_weight: float = 4.0
-    """See `parts.part_neighbors`."""
+    """See `neighbourhood.part_neighbors`."""
     reach_spacings: float = 2.0
     """A moved Gaussian agrees with the other state within this many median spacings."""
     annealed: bool = True

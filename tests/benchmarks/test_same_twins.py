@@ -15,7 +15,8 @@ def same_twins(load):
 def twin(folder, mesh="v 0 0 0\n", mass=1.0, note="as photographed"):
     folder.mkdir()
     (folder / "base_visual.obj").write_text(mesh)
-    (folder / "twin.yaml").write_text(f"mass: {mass}\nnotes:\n- {note}\nbuild: {{version: {note}}}\n")
+    (folder / "twin.yaml").write_text(
+        f"mass: {mass}\nnotes:\n- {note}\nbuild: {{version: {note}}}\n")
     (folder / "report.json").write_text(json.dumps({"seconds": note}))
     return folder
 

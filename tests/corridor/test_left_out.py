@@ -17,7 +17,6 @@ from part2gs_robotics.config import (
     StereoConfig,
     resolve,
 )
-from part2gs_robotics.evidence.study import gather
 from part2gs_robotics.fit.fit_state import fit_state
 from part2gs_robotics.fit.hull import carve
 from part2gs_robotics.fit.start import first_gaussians
@@ -97,8 +96,9 @@ def test_larger_surfels_are_fewer_and_proofs_as_small_as_asked(toy) -> None:
              for b in (boxes, moved)]
     scene = toy.scene_of([pair[1] for pair in pairs])
     gaussians = pairs[0][0], pairs[1][0]
-    fine = gather(scene, gaussians, SearchConfig(surfel_size=0.02, proof_views=7, proof_side=40))
-    rough = gather(scene, gaussians, SearchConfig(surfel_size=0.05))
+    small = SearchConfig(surfel_size=0.02, proof_views=7, proof_side=40)
+    fine = toy.study_of(scene, gaussians, small)
+    rough = toy.study_of(scene, gaussians, SearchConfig(surfel_size=0.05))
     assert len(rough.surfels[0]) < 0.5 * len(fine.surfels[0])
     assert fine.views[0].alphas.shape == (7, 40, 40)
 

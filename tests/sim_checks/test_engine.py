@@ -8,7 +8,7 @@ from pathlib import Path
 import mujoco
 import pytest
 
-from part2gs_robotics.capture.capture import capture
+from part2gs_robotics.capture.capture import Shots, capture
 from part2gs_robotics.sim_checks import check
 from part2gs_robotics.sim_checks.engine import distinct, engine_messages
 
@@ -80,6 +80,6 @@ def test_capture_says_warnings_and_leaves_no_file(
     odd = '<custom><numeric name="n" data="nan"/></custom>'
     path = model(here, UNSTABLE.format(rest=odd))
     with caplog.at_level(logging.WARNING):
-        capture(path, here / "scene", views=4, size=32)
+        capture(path, here / "scene", Shots(4, size=32))
     assert [r.getMessage() for r in caplog.records if "nan" in r.getMessage().lower()]
     assert not any(Path.cwd().iterdir())
