@@ -42,7 +42,7 @@ class Evidence:
         as printed, an interior that opens counts as motion.
         """
         vacated, arrived = len(self.vacated), len(self.arrived)
-        share = vacated / max(vacated + arrived, 1)
+        share = vacated / (vacated + arrived) if vacated + arrived else 0.5
         return share, 1.0 - share
 
 
