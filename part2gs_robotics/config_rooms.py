@@ -126,6 +126,8 @@ class MeshConfig:
     """grid cells along the longest side of the object"""
     clearance_voxels: float = 1.0
     """gap kept between neighbouring parts, in grid cells"""
+    free_range: bool = True
+    """joints go as far as nothing is in the way; off: between the two photographed states"""
     convex: bool = True
     """cut parts into convex collision pieces; off: one hull per part, hollows closed"""
 

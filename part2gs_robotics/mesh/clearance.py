@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from part2gs_robotics.mesh.cut_pieces import Piece, piece_of
+from part2gs_robotics.mesh.free_range import observed_only
 from part2gs_robotics.model.arrays import F64
 from part2gs_robotics.model.kinematics import moving_parts, part_transforms, subtree
 from part2gs_robotics.model.se3 import inverse
@@ -50,6 +51,22 @@ def _coarse(real: Manifold, step: float) -> Manifold:
     return simple if simple.volume() > KEPT * real.volume() else real
 
 
+def with_apart_pieces(twin: Twin) -> Twin:
+    """Return the twin with collision pieces apart on the whole range of every joint, if they can.
+
+    Where pieces of two parts overlap too deep to be cut back, the joints of both keep to the
+    observed range.
+    """
+    apart, stuck = _separated(twin, None)
+    short = {index for pair in stuck for index in pair}
+    if not any(part.limits_source == "derived" for i, part in enumerate(twin.parts) if i in short):
+        return apart
+    parts = [observed_only(part) if i in short else part for i, part in enumerate(twin.parts)]
+    names = ", ".join(sorted(twin.parts[i].name for i in short))
+    note = f"range kept to what was observed, since collision pieces would overlap: {names}"
+    return separate_pieces(replace(twin, parts=tuple(parts), notes=(*twin.notes, note)))
+
+
 def separate_pieces(twin: Twin, *, gap: float | None = None) -> Twin:
     """Return the twin with collision pieces that no joint drives into each other.
 
@@ -64,6 +81,11 @@ def separate_pieces(twin: Twin, *, gap: float | None = None) -> Twin:
     Returns:
         A twin with new pieces and a note of what was cut off and what could not be separated.
     """
+    return _separated(twin, gap)[0]
+
+
+def _separated(twin: Twin, gap: float | None) -> tuple[Twin, set[tuple[int, int]]]:
+    """Return `separate_pieces`, and the pairs of parts that could not be separated."""
     low, high = bounds(tuple(p.mesh for p in twin.parts))
     size = float(np.linalg.norm(high - low))
     distance = GAP * size if gap is None else gap
@@ -78,16 +100,14 @@ def separate_pieces(twin: Twin, *, gap: float | None = None) -> Twin:
                 break
         stuck |= now
     if before <= 0:
-        return twin
+        return twin, stuck
     lost = 1 - sum(float(p.solid.volume()) for p in pieces) / before
-    return replace(
-        twin,
-        parts=tuple(
-            replace(part, pieces=_finished(pieces, i, part.pieces, CRUMB * size**3))
-            for i, part in enumerate(twin.parts)
-        ),
-        notes=(*twin.notes, *_notes(twin, lost, distance / size, stuck)),
+    parts = tuple(
+        replace(part, pieces=_finished(pieces, i, part.pieces, CRUMB * size**3))
+        for i, part in enumerate(twin.parts)
     )
+    notes = (*twin.notes, *_notes(twin, lost, distance / size, stuck))
+    return replace(twin, parts=parts, notes=notes), stuck
 
 
 def _notes(twin: Twin, lost: float, gap: float, stuck: set[tuple[int, int]]) -> tuple[str, ...]:
