@@ -208,7 +208,7 @@ class _Corridor:
 
         began = time.monotonic()
         free = with_free_ranges(twin) if self.config.mesh.free_range else twin
-        apart = with_apart_pieces(free)
+        apart = with_apart_pieces(free, self.config.mesh.collision_gap)
         self._done("separate", time.monotonic() - began,
                    f"{sum(len(part.pieces) for part in apart.parts)} collision pieces")
         return apart
