@@ -126,6 +126,8 @@ class MeshConfig:
     """grid cells along the longest side of the object"""
     clearance_voxels: float = 1.0
     """gap kept between neighbouring parts, in grid cells"""
+    flat_walls: bool = True
+    """noisy walls are laid flat on fitted planes and their edges made sharp"""
     free_range: bool = True
     """joints go as far as nothing is in the way; off: between the two photographed states"""
     collision_gap: float = 0.002

@@ -11,6 +11,7 @@ from part2gs_robotics.config import MeshConfig
 from part2gs_robotics.errors import EmptyPartError
 from part2gs_robotics.evidence.depth_maps import observe
 from part2gs_robotics.mesh.carve import Solid, carve
+from part2gs_robotics.mesh.flat_parts import flat_surfaces
 from part2gs_robotics.mesh.fuse import TRUNCATION, Fused, fuse
 from part2gs_robotics.mesh.part_maps import PartMaps, render_part_maps
 from part2gs_robotics.mesh.part_solids import (
@@ -87,6 +88,8 @@ def build_parts(scene: Scene, gaussians: tuple[Gaussians, Gaussians], motion: Mo
     _require_room(solids, wholes, place)
     surfaces = [closed_surface(s, part_name(k), config.clearance_voxels)
                 for k, s in enumerate(solids)]
+    if config.flat_walls:
+        surfaces = flat_surfaces(surfaces, place, grid)
     surfaces = _apart(surfaces, place, solids)
     return tuple(_part(k, surfaces[k], place, maps, grid.voxel, motion, config.convex)
                  for k in range(place.count))

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from part2gs_robotics.model.kinematics import moving_parts, part_transforms, subtree
-from part2gs_robotics.model.solids import bounds, to_manifold
+from part2gs_robotics.model.solids import bounds, thickness, to_manifold
 from part2gs_robotics.model.twin import Part, Twin
 
 if TYPE_CHECKING:
@@ -125,7 +125,7 @@ class _Sweep:
         moved = set(subtree(self.twin, index))
         solids = [solid.transform(place[:3])
                   for solid, place in zip(self.solids, placed, strict=True)]
-        return max((_thickness(solids[a] ^ solids[b]) for a in moved
+        return max((thickness(solids[a] ^ solids[b]) for a in moved
                     for b in set(range(len(solids))) - moved), default=0.0)
 
     def _held(self, index: int, start: float, sign: float) -> float:
@@ -153,11 +153,3 @@ def _shared(below: _Reach, above: _Reach, spare: float) -> tuple[float, float]:
 def _coarse(real: Manifold, step: float) -> Manifold:
     simple = real.simplify(step)
     return simple if simple.volume() > KEPT * real.volume() else real
-
-
-def _thickness(overlap: Manifold) -> float:
-    """Return the largest 2 volume / surface of the pieces of an overlap: a slab's thickness."""
-    if overlap.is_empty() or overlap.volume() <= 0:
-        return 0.0
-    return max((2 * float(p.volume()) / float(p.surface_area()) for p in overlap.decompose()
-                if p.volume() > 0), default=0.0)

@@ -113,6 +113,14 @@ def bounds(meshes: tuple[PartMesh, ...]) -> NDArray[np.float64]:
     return np.stack([points.min(0), points.max(0)])
 
 
+def thickness(overlap: Manifold) -> float:
+    """Return the largest 2 volume / surface of the pieces of a solid: a slab's thickness."""
+    if overlap.is_empty() or overlap.volume() <= 0:
+        return 0.0
+    return max((2 * float(p.volume()) / float(p.surface_area()) for p in overlap.decompose()
+                if p.volume() > 0), default=0.0)
+
+
 @dataclass(frozen=True)
 class Bound:
     """How far convex pieces are from the part they stand for.
