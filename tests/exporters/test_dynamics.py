@@ -8,7 +8,7 @@ from pathlib import Path
 import mujoco
 import numpy as np
 import pytest
-from synth import toy_cabinet_twin
+from synth import scaled, toy_cabinet_twin
 
 from part2gs_robotics.errors import ExportError
 from part2gs_robotics.exporters.dynamics import COAST, FRICTION, physics_of
@@ -16,26 +16,8 @@ from part2gs_robotics.exporters.inertia import density
 from part2gs_robotics.exporters.mjcf import write_mjcf
 from part2gs_robotics.exporters.xmlio import numbers
 from part2gs_robotics.model.materials import MATERIALS, density_of
-from part2gs_robotics.model.twin import Twin
 
 EDGE = 0.6  # m from the door's hinge to its free edge
-
-
-def scaled(twin: Twin, factor: float) -> Twin:
-    """Return the same object in a unit `factor` times smaller."""
-    parts = []
-    for part in twin.parts:
-        joint, limits = part.joint, part.limits
-        if joint is not None:
-            slide = factor if joint.kind == "prismatic" else 1.0
-            joint = dataclasses.replace(joint, origin=joint.origin * factor,
-                                        value=joint.value * slide, pitch=joint.pitch * factor)
-            limits = (limits[0] * slide, limits[1] * slide)
-        mesh = dataclasses.replace(part.mesh, vertices=part.mesh.vertices * factor)
-        pieces = tuple(dataclasses.replace(p, vertices=p.vertices * factor) for p in part.pieces)
-        parts.append(dataclasses.replace(part, mesh=mesh, pieces=pieces, joint=joint,
-                                         limits=limits))
-    return dataclasses.replace(twin, parts=tuple(parts), meters_per_unit=1 / factor)
 
 
 def test_rule_of_the_passive_numbers() -> None:

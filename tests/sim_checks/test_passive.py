@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
-from synth import toy_cabinet_twin
+from synth import scaled, toy_cabinet_twin
 
 from part2gs_robotics.exporters.mjcf import write_mjcf
 from part2gs_robotics.sim_checks import check
@@ -114,3 +115,21 @@ def test_broken_motors_stop_the_check(tmp_path: Path) -> None:
     folder = edit(cabinet(tmp_path / "t"), r'kp="[\d.]+"', 'kp="-1"', "twin_actuated.xml")
     report = check(folder)
     assert not report.ok
+
+
+@pytest.mark.parametrize("factor", [1e3, 1e-3])
+def test_a_twin_passes_in_every_unit(tmp_path: Path, factor: float) -> None:
+    """In mm and km: gravity and time step of scene.xml, masses and friction of twin.xml."""
+    write_mjcf(scaled(toy_cabinet_twin(3), factor), tmp_path)
+    report = check(tmp_path, steps=5, only=("inertia", "states", "actuation", "passive"))
+    assert report.ok, [r for r in report.results if r.status != "pass"]
+
+
+def test_a_twin_passes_whatever_is_up(tmp_path: Path) -> None:
+    """The cabinet lies on its back: x is up, the drawer must be lifted, the door is a lid."""
+    twin = replace(toy_cabinet_twin(2), up=np.array([1.0, 0, 0]))
+    write_mjcf(twin, tmp_path)
+    report = check(tmp_path, steps=5, only=("states", "actuation", "stability", "passive"))
+    assert report.ok, [r for r in report.results if r.status != "pass"]
+    pulled = {r.subject: r.detail for r in report.results if r.name == "drift"}
+    assert "gravity pulls -69.7, friction holds 1.39" in pulled["part_1_joint"]
