@@ -72,7 +72,7 @@ class Twin:
     up: NDArray[np.float64] | None = None
     notes: tuple[str, ...] = ()
     assumed_meters: float = 1.0
-    scale_note: str = "given by the scene"
+    scale_note: str = "given"
     material: str | None = None
 
     @property

@@ -64,7 +64,7 @@ def test_known_length_gives_mass_and_gravity() -> None:
 
 def test_assumed_and_given_scales_say_so() -> None:
     known = with_scale(toy_cabinet_twin(1), None)
-    assert known.notes == ("Scale: 1 unit = 1 m, given by the scene; longest side 0.8 m.",)
+    assert known.notes == ("Scale: 1 unit = 1 m, given; longest side 0.8 m.",)
     unknown = with_scale(replace(known, meters_per_unit=None, assumed_meters=1e-3, notes=()), None)
     assert unknown.meters_per_unit is None
     assert unknown.notes[0].startswith(f"{ASSUMED}: 1 unit = 0.001 m, so the longest side")
