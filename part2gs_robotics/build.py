@@ -130,7 +130,7 @@ class _Corridor:
         name = re.sub(r"[^a-z0-9_]+", "_", self.scene.path.resolve().name.lower()).strip("_")
         twin = Twin(name or "twin", parts, self.scene.meters_per_unit, self.scene.up,
                     (*self.scene.notes, *motion.notes))
-        twin = self._in_scene(self._separate(twin))
+        twin = self._scaled(self._in_scene(self._separate(twin)))
         began = time.monotonic()
         result = BuildResult(self.scene, self.frame, (fits[0], fits[1]), motion, twin, plan,
                              self.config, self.seconds)
@@ -216,6 +216,16 @@ class _Corridor:
         parts = parts_in_scene(twin.parts, self.frame, self.config.articulate.paper_mode)
         return replace(twin, parts=parts, meters_per_unit=self.metres,
                        assumed_meters=self.frame.assumed_meters)
+
+    def _scaled(self, twin: Twin) -> Twin:
+        """Return the twin with scale and material, and say whether anybody knows them."""
+        from part2gs_robotics.model.scale import with_scale
+
+        read = self.config.read
+        twin = with_scale(replace(twin, material=read.material), read.known_length)
+        level = logging.WARNING if twin.meters_per_unit is None else logging.INFO
+        logger.log(level, "%s", twin.notes[-1])
+        return twin
 
     def _stage(self, name: str, key: str, compute: Callable[[], T], save: Callable[[T], Saved],
                load: Callable[[Saved], T], number: Callable[[T], str]) -> T:

@@ -53,7 +53,7 @@ COMMANDS = {
                                  "be given for several joints, all others stay at rest"))),
 }
 ALWAYS = ("quiet", "verbose")
-SHORT = {"out": ["-o"]}
+SHORT = {"out": ["-o"], "scale": ["--meters-per-unit"]}  # further spellings
 EXIT_CODES = """exit codes: 0 built and all checks pass; 1 built or checked, but physics fails;
 2 bad usage or input; 3 internal error; 130 interrupted (the same command continues)"""
 

@@ -61,6 +61,9 @@ class Twin:
         up: [3] unit, None = unknown (exporters then assume +z and say so).
         notes: fallbacks and assumptions, one sentence each.
         assumed_meters: metres per unit that masses and gravity take when nobody knows them.
+        scale_note: who says `meters_per_unit`, for people.
+        material: name or kg/m3 as given (`materials.density_of`); None = unknown (exporters then
+            take `materials.DEFAULT` and say so).
     """
 
     name: str
@@ -69,3 +72,10 @@ class Twin:
     up: NDArray[np.float64] | None = None
     notes: tuple[str, ...] = ()
     assumed_meters: float = 1.0
+    scale_note: str = "given"
+    material: str | None = None
+
+    @property
+    def meters(self) -> float:
+        """Metres per scene unit that masses and gravity take, known or assumed."""
+        return self.meters_per_unit or self.assumed_meters
