@@ -32,7 +32,7 @@ from part2gs_robotics.model.solids import watertight
 from part2gs_robotics.model.twin import Part, Twin
 from part2gs_robotics.runtime.atomic import write_bytes_atomic
 
-Source = Literal["measured", "fitted", "assumed"]
+Source = Literal["measured", "fitted", "derived", "assumed"]
 Tree = dict[str, object]
 MAX_YAML_BYTES = 20_000_000  # a twin of 20 parts is 100 kB
 FORMAT = 1  # version of the file's layout
@@ -141,7 +141,8 @@ def _joint(twin: Twin, index: int, physics: Physics) -> Tree:
         "axis": _value(joint.axis, "fitted", "world frame at state 0"),
         "origin": _value(joint.origin, "fitted", "a point on the axis, world frame at state 0"),
         "pitch": _value(joint.pitch, "fitted", "scene units per rad, screw only"),
-        "range": _value(list(part.limits), part.limits_source, "covers both observed states"),
+        "range": _value(list(part.limits), part.limits_source, _range_note(part)),
+        "observed": _value(sorted((0.0, joint.value)), "measured", "between the observed states"),
         "state_0": _value(0.0, "measured", "zero by definition"),
         "state_1": _value(joint.value, "fitted", "rad or scene units"),
         "sigma": _sigma(joint),
@@ -149,6 +150,13 @@ def _joint(twin: Twin, index: int, physics: Physics) -> Tree:
         "confidence": _value(_known(joint.confidence), "fitted", "share of evidence explained"),
     }
     return out | _dynamics(physics.joints[index]) if moves(part) else out
+
+
+def _range_note(part: Part) -> str:
+    if part.limits_source == "derived":
+        return ("covers both observed states, and beyond them what the closed meshes leave free; "
+                "at most 180 degrees, or a fifth of a slide inside its carrier")
+    return "covers both observed states"
 
 
 def _sigma(joint: Joint) -> Tree:

@@ -202,11 +202,13 @@ class _Corridor:
                            lambda b: f"{sum(len(part.mesh.faces) for part in b[1])} triangles")
 
     def _separate(self, twin: Twin) -> Twin:
-        """Return the twin with neighbours' collision pieces apart along every joint."""
-        from part2gs_robotics.mesh.clearance import separate_pieces
+        """Return the twin with ranges of joints, and neighbours' collision pieces apart on them."""
+        from part2gs_robotics.mesh.clearance import with_apart_pieces
+        from part2gs_robotics.mesh.free_range import with_free_ranges
 
         began = time.monotonic()
-        apart = separate_pieces(twin)
+        free = with_free_ranges(twin) if self.config.mesh.free_range else twin
+        apart = with_apart_pieces(free, self.config.mesh.collision_gap)
         self._done("separate", time.monotonic() - began,
                    f"{sum(len(part.pieces) for part in apart.parts)} collision pieces")
         return apart

@@ -75,7 +75,8 @@ BOUNDS: dict[str, tuple[float, float]] = {
     "patches": (2, 1000), "patch_points": (12, 1000), "proof_views": (2, 1000),
     "proof_side": (16, 2048), "align_views": (2, 1000), "align_side": (16, 4096),
     "sharp_side": (16, 4096), "parts": (1, 64), "resolution": (16, 1024),
-    "clearance_voxels": (0, 16), "sweep_values": (3, 10_001), "seed": (0, 2**31 - 1),
+    "clearance_voxels": (0, 16), "collision_gap": (0, 0.05), "sweep_values": (3, 10_001),
+    "seed": (0, 2**31 - 1),
 }
 
 ALIASES = {"meters_per_unit": "scale"}  # earlier names of settings, still understood

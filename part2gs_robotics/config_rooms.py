@@ -131,6 +131,10 @@ class MeshConfig:
     """grid cells along the longest side of the object"""
     clearance_voxels: float = 1.0
     """gap kept between neighbouring parts, in grid cells"""
+    free_range: bool = True
+    """joints go as far as nothing is in the way; off: between the two photographed states"""
+    collision_gap: float = 0.002
+    """gap between collision pieces of two parts, as a share of the object's size"""
     convex: bool = True
     """cut parts into convex collision pieces; off: one hull per part, hollows closed"""
 

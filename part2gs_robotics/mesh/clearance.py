@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from part2gs_robotics.mesh.cut_pieces import Piece, piece_of
+from part2gs_robotics.mesh.free_range import observed_only
 from part2gs_robotics.model.arrays import F64
 from part2gs_robotics.model.kinematics import moving_parts, part_transforms, subtree
 from part2gs_robotics.model.se3 import inverse
@@ -23,7 +24,7 @@ from part2gs_robotics.model.twin import PartMesh, Twin
 if TYPE_CHECKING:
     from manifold3d import Manifold
 
-GAP = 5e-4  # of the size: half a millimetre on a metre, free of contact forces
+GAP = 2e-3  # of the size: engines that collide with a margin (Bullet: 1 mm) still see a gap
 STEPS = 30  # per joint; 90 degrees in steps of 3: the arc between leaves 0.03 % of the radius
 COARSE = 1.5e-3  # of the size: copy of a part against which losses are weighed
 KEPT = 0.5  # of its volume such a copy must keep; the parts of twenty twins keep 0.96 at least
@@ -50,6 +51,33 @@ def _coarse(real: Manifold, step: float) -> Manifold:
     return simple if simple.volume() > KEPT * real.volume() else real
 
 
+def with_apart_pieces(twin: Twin, share: float = GAP) -> Twin:
+    """Return the twin with collision pieces apart on the whole range of every joint, if they can.
+
+    Where pieces of two parts overlap too deep to be cut back, the joints of both keep to the
+    observed range.
+
+    Args:
+        twin: with convex pieces.
+        share: gap between pieces of two parts, of the size of the object.
+    """
+    gap = share * _size(twin)
+    apart, stuck = _separated(twin, gap)
+    short = {index for pair in stuck for index in pair}
+    if not any(part.limits_source == "derived" for i, part in enumerate(twin.parts) if i in short):
+        return apart
+    parts = [observed_only(part) if i in short else part for i, part in enumerate(twin.parts)]
+    names = ", ".join(sorted(twin.parts[i].name for i in short))
+    note = f"range kept to what was observed, since collision pieces would overlap: {names}"
+    return separate_pieces(replace(twin, parts=tuple(parts), notes=(*twin.notes, note)), gap=gap)
+
+
+def _size(twin: Twin) -> float:
+    """Return the diagonal of the box around all parts, scene units."""
+    low, high = bounds(tuple(p.mesh for p in twin.parts))
+    return float(np.linalg.norm(high - low))
+
+
 def separate_pieces(twin: Twin, *, gap: float | None = None) -> Twin:
     """Return the twin with collision pieces that no joint drives into each other.
 
@@ -59,13 +87,17 @@ def separate_pieces(twin: Twin, *, gap: float | None = None) -> Twin:
 
     Args:
         twin: with convex pieces.
-        gap: scene units; 5e-4 of the size when None.
+        gap: scene units; GAP of the size when None.
 
     Returns:
         A twin with new pieces and a note of what was cut off and what could not be separated.
     """
-    low, high = bounds(tuple(p.mesh for p in twin.parts))
-    size = float(np.linalg.norm(high - low))
+    return _separated(twin, gap)[0]
+
+
+def _separated(twin: Twin, gap: float | None) -> tuple[Twin, set[tuple[int, int]]]:
+    """Return `separate_pieces`, and the pairs of parts that could not be separated."""
+    size = _size(twin)
     distance = GAP * size if gap is None else gap
     pieces = _pieces(twin, size)
     before = sum(float(p.solid.volume()) for p in pieces)
@@ -78,16 +110,14 @@ def separate_pieces(twin: Twin, *, gap: float | None = None) -> Twin:
                 break
         stuck |= now
     if before <= 0:
-        return twin
+        return twin, stuck
     lost = 1 - sum(float(p.solid.volume()) for p in pieces) / before
-    return replace(
-        twin,
-        parts=tuple(
-            replace(part, pieces=_finished(pieces, i, part.pieces, CRUMB * size**3))
-            for i, part in enumerate(twin.parts)
-        ),
-        notes=(*twin.notes, *_notes(twin, lost, distance / size, stuck)),
+    parts = tuple(
+        replace(part, pieces=_finished(pieces, i, part.pieces, CRUMB * size**3))
+        for i, part in enumerate(twin.parts)
     )
+    notes = (*twin.notes, *_notes(twin, lost, distance / size, stuck))
+    return replace(twin, parts=parts, notes=notes), stuck
 
 
 def _notes(twin: Twin, lost: float, gap: float, stuck: set[tuple[int, int]]) -> tuple[str, ...]:

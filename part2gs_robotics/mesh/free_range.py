@@ -1,0 +1,163 @@
+"""Free range: how far every joint goes beyond what was photographed before its part meets another.
+
+Two photographed states are two places on a joint's way; a door opens farther than it happened to
+stand. From either state outward the part's true surface is moved until it meets another one.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from part2gs_robotics.model.kinematics import moving_parts, part_transforms, subtree
+from part2gs_robotics.model.solids import bounds, to_manifold
+from part2gs_robotics.model.twin import Part, Twin
+
+if TYPE_CHECKING:
+    from manifold3d import Manifold
+
+COARSE = 3e-4  # of the size: parts are compared as simple as that, as fine as what contact is
+KEPT = 0.5  # of its volume such a copy must keep, else the part itself is taken: panes vanish
+CONTACT = 3e-4  # of the size: overlap as thick in the mean; the deepest point lies twice as deep
+TURN_BACK, SLIDE_BACK = np.deg2rad(0.5), 1e-3  # rad, of the size: room for collision pieces' gap
+TURN_STEP = np.deg2rad(2.0)  # a point at half a diagonal moves 1.7 % of it: no wall is missed
+SLIDE_STEP = 0.01  # of the size, likewise
+REFINED = 6  # halvings of the step that met something: 0.03 deg, 0.02 % of the size
+MOST_TURN = np.pi  # rad of a whole range: what nothing stops is not known to turn farther
+INSIDE = 0.2  # of a slide's length stays within what carries it: farther it falls out
+
+
+def with_free_ranges(twin: Twin) -> Twin:
+    """Return the twin with the contact-free range of every joint as its limits, marked derived.
+
+    The range covers both observed states. Below the lower one the other parts stand as in state 0
+    and as in state 1, where the part is free there; likewise above the upper one.
+
+    Args:
+        twin: with closed meshes, in one frame.
+    """
+    low, high = bounds(tuple(p.mesh for p in twin.parts))
+    sweep = _Sweep(twin, float(np.linalg.norm(high - low)))
+    parts = list(twin.parts)
+    for index in moving_parts(twin):
+        parts[index] = replace(parts[index], limits=sweep.range_of(index), limits_source="derived")
+    return replace(twin, parts=tuple(parts))
+
+
+def observed_only(part: Part) -> Part:
+    """Return the part with the range of its joint that both observed states span."""
+    value = part.joint.value if part.joint is not None else 0.0
+    return replace(part, limits=(min(0.0, value), max(0.0, value)), limits_source="measured")
+
+
+@dataclass(frozen=True)
+class _Reach:
+    """How far a joint goes beyond one of its states, and whether something stopped it there."""
+
+    way: float
+    stopped: bool
+
+
+class _Sweep:
+    """Parts as solids, moved by one joint at a time."""
+
+    def __init__(self, twin: Twin, size: float) -> None:
+        self.twin, self.size = twin, size
+        self.solids = [_coarse(to_manifold(part.mesh), COARSE * size) for part in twin.parts]
+        self.moving = moving_parts(twin)
+        joints = [twin.parts[i].joint for i in self.moving]
+        self.observed = [0.0 if joint is None else joint.value for joint in joints]
+
+    def range_of(self, index: int) -> tuple[float, float]:
+        """Return the limits of a part's joint."""
+        joint = self.twin.parts[index].joint
+        assert joint is not None  # moving parts have one
+        ends = min(0.0, joint.value), max(0.0, joint.value)
+        most = MOST_TURN if joint.turns else float("inf")
+        spare = max(most - (ends[1] - ends[0]), 0.0)
+        below, above = (self._reach(index, end, sign, spare)
+                        for end, sign in zip(ends, (-1.0, 1.0), strict=True))
+        down, up = _shared(below, above, spare)
+        return ends[0] - down, ends[1] + up
+
+    def _reach(self, index: int, start: float, sign: float, most: float) -> _Reach:
+        """Return how far a joint goes from a state, up or down, at most so far."""
+        joint = self.twin.parts[index].joint
+        assert joint is not None
+        step = TURN_STEP if joint.turns else SLIDE_STEP * self.size
+        limit = most if joint.turns else self._held(index, start, sign)
+        rests = [rest for rest in ([0.0] * len(self.moving), self.observed)
+                 if self._overlap(index, start, rest) <= CONTACT * self.size]
+        if not rests:  # it touches where it was seen: nothing is known beyond
+            return _Reach(0.0, True)
+        way = 0.0
+        while way < limit:
+            new = min(way + step, limit)
+            if self._meets(index, start + sign * new, rests):
+                far = self._refined(index, (start, sign), (way, new), rests)
+                back = TURN_BACK if joint.turns else SLIDE_BACK * self.size
+                return _Reach(max(far - back, 0.0), True)
+            way = new
+        return _Reach(limit, not joint.turns)
+
+    def _refined(self, index: int, ray: tuple[float, float], between: tuple[float, float],
+                 rests: list[list[float]]) -> float:
+        """Return the farthest way along a ray (start, sign) without contact, by halving."""
+        (start, sign), (free, met) = ray, between
+        for _ in range(REFINED):
+            middle = 0.5 * (free + met)
+            if self._meets(index, start + sign * middle, rests):
+                met = middle
+            else:
+                free = middle
+        return free
+
+    def _meets(self, index: int, q: float, rests: list[list[float]]) -> bool:
+        return any(self._overlap(index, q, rest) > CONTACT * self.size for rest in rests)
+
+    def _overlap(self, index: int, q: float, rest: list[float]) -> float:
+        """Return how thick the overlap of what a joint moves and all else is, scene units."""
+        positions = list(rest)
+        positions[self.moving.index(index)] = q
+        placed = part_transforms(self.twin, positions)
+        moved = set(subtree(self.twin, index))
+        solids = [solid.transform(place[:3])
+                  for solid, place in zip(self.solids, placed, strict=True)]
+        return max((_thickness(solids[a] ^ solids[b]) for a in moved
+                    for b in set(range(len(solids))) - moved), default=0.0)
+
+    def _held(self, index: int, start: float, sign: float) -> float:
+        """Return how far a slide goes until INSIDE of its length is left within its carrier."""
+        part = self.twin.parts[index]
+        assert part.joint is not None
+        axis = sign * part.joint.axis
+        own, around = (self.twin.parts[i].mesh.vertices @ axis for i in (index, part.parent))
+        length = float(np.ptp(own))
+        ahead = float(own.min()) + sign * start
+        return max(float(around.max()) - INSIDE * length - ahead, 0.0)
+
+
+def _shared(below: _Reach, above: _Reach, spare: float) -> tuple[float, float]:
+    """Return both ways, together at most `spare`; what something stops counts first."""
+    if below.way + above.way <= spare:
+        return below.way, above.way
+    if below.stopped != above.stopped:
+        down = below.way if below.stopped else spare - above.way
+        return max(down, 0.0), max(spare - max(down, 0.0), 0.0)
+    share = spare / (below.way + above.way)
+    return share * below.way, share * above.way
+
+
+def _coarse(real: Manifold, step: float) -> Manifold:
+    simple = real.simplify(step)
+    return simple if simple.volume() > KEPT * real.volume() else real
+
+
+def _thickness(overlap: Manifold) -> float:
+    """Return the largest 2 volume / surface of the pieces of an overlap: a slab's thickness."""
+    if overlap.is_empty() or overlap.volume() <= 0:
+        return 0.0
+    return max((2 * float(p.volume()) / float(p.surface_area()) for p in overlap.decompose()
+                if p.volume() > 0), default=0.0)

@@ -1,0 +1,141 @@
+"""Ranges beyond the photographed states: stops in closed form, and what nothing is known of."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from synth import union_part
+
+from part2gs_robotics.mesh import clearance
+from part2gs_robotics.mesh.free_range import (
+    INSIDE,
+    MOST_TURN,
+    TURN_BACK,
+    observed_only,
+    with_free_ranges,
+)
+from part2gs_robotics.model.joint import Joint
+from part2gs_robotics.model.se3 import apply, screw_motion
+from part2gs_robotics.model.twin import Part, PartMesh, Twin
+
+GREY = (120, 120, 120)
+UP = np.array([0.0, 0, 1.0])
+
+
+def door_twin(value=0.6, wall_angle=None, scale=1.0):
+    """A door at x >= 0, hinged at the origin, in front of a cupboard; maybe a wall it runs into."""
+    boxes = [((0.0, 0.02, 0.0), (1.0, 0.6, 1.0))]
+    if wall_angle is not None:  # the door's thickness is 0.02; a wall whose face is at that angle
+        boxes.append(((-1.0, -1.2, 0.0), (-0.9, 0.0, 1.0)))
+    base = union_part("base", -1, boxes, None, (0.0, 0.0), GREY)
+    joint = Joint("revolute", -UP, np.zeros(3), value)
+    door = union_part("part_1", 0, [((0.01, -0.02, 0.0), (0.95, 0.0, 1.0))], joint, (0.0, value),
+                      GREY)
+    return scaled(Twin("toy", (base, door)), scale)
+
+
+def scaled(twin, by):
+    def mesh(m):
+        return replace(m, vertices=by * m.vertices)
+
+    def part(p):
+        joint = p.joint and replace(p.joint, origin=by * p.joint.origin,
+                                    value=p.joint.value * (1 if p.joint.turns else by))
+        return replace(p, mesh=mesh(p.mesh), pieces=tuple(map(mesh, p.pieces)), joint=joint,
+                       limits=(min(0.0, joint.value), max(0.0, joint.value)) if joint else (0, 0))
+
+    return replace(twin, parts=tuple(map(part, twin.parts)))
+
+
+def drawer_twin(depth, value=0.1):
+    """A drawer of a length in a case of depth 0.5 with a back wall, open at x = 0.5."""
+    case = [((0.0, 0.0, 0.0), (0.02, 0.4, 0.3)), ((0.02, 0.0, 0.0), (0.5, 0.02, 0.3)),
+            ((0.02, 0.38, 0.0), (0.5, 0.4, 0.3)), ((0.02, 0.02, 0.0), (0.5, 0.38, 0.02))]
+    base = union_part("base", -1, case, None, (0.0, 0.0), GREY)
+    joint = Joint("prismatic", np.array([1.0, 0, 0]), np.zeros(3), value)
+    box = [((0.49 - depth, 0.03, 0.03), (0.49, 0.37, 0.25))]
+    return Twin("toy", (base, union_part("part_1", 0, box, joint, (0.0, value), GREY)))
+
+
+@pytest.mark.parametrize("scale", [1.0, 1e-3, 1e3])
+def test_a_door_closes_until_it_meets_the_front_whatever_the_unit(scale):
+    part = with_free_ranges(door_twin(scale=scale)).parts[1]
+    # The door's back, flush with the hinge line, is 0.02 before the front at its far edge.
+    meets = -np.arcsin(0.02 / 0.95)
+    assert part.limits_source == "derived"
+    assert meets - 0.002 <= part.limits[0] <= meets + 2 * TURN_BACK + 0.002
+    assert part.limits[1] == pytest.approx(part.limits[0] + MOST_TURN)
+
+
+def test_a_wall_beside_the_hinge_stops_a_door():
+    free = with_free_ranges(door_twin()).parts[1].limits
+    stopped = with_free_ranges(door_twin(wall_angle=1)).parts[1].limits
+    assert stopped[0] == pytest.approx(free[0], abs=TURN_BACK)
+    # Turned by more than a right angle, the far edge at radius 0.95 reaches the wall at x = -0.9.
+    meets = np.pi - np.arccos(0.9 / 0.95)
+    assert meets - 0.05 < stopped[1] < meets
+
+
+def test_what_nothing_stops_turns_by_half_a_turn_in_all():
+    twin = door_twin()
+    alone = Twin("toy", (replace(twin.parts[0], mesh=moved(twin.parts[0].mesh, [0, 9, 0])),
+                         twin.parts[1]))
+    low, high = with_free_ranges(alone).parts[1].limits
+    assert high - low == pytest.approx(MOST_TURN)
+    assert low == pytest.approx(-(high - 0.6)), "both ways alike where neither is known"
+
+
+def moved(mesh, by):
+    return PartMesh(mesh.vertices + np.array(by, float), mesh.faces, mesh.colors)
+
+
+@pytest.mark.parametrize("depth", [0.2, 0.4])
+def test_a_drawer_goes_in_to_the_back_wall_and_out_until_a_fifth_is_left(depth):
+    low, high = with_free_ranges(drawer_twin(depth)).parts[1].limits
+    back = -(0.49 - depth - 0.02)
+    assert back <= low <= back + 0.003
+    assert high == pytest.approx(0.5 - INSIDE * depth - (0.49 - depth), abs=1e-6)
+
+
+def test_both_observed_states_stay_inside_and_contact_there_adds_nothing():
+    twin = drawer_twin(0.4, value=-0.05)
+    low, high = with_free_ranges(twin).parts[1].limits
+    assert low <= -0.05
+    assert high >= 0.0
+    inside = Twin("toy", (twin.parts[0], replace(twin.parts[1], joint=replace(
+        twin.parts[1].joint, value=-0.2))))  # seen deep in the back wall: nothing known beyond
+    assert with_free_ranges(inside).parts[1].limits[0] == -0.2
+
+
+def test_the_world_frame_does_not_matter():
+    twin = door_twin(wall_angle=1)
+    world = screw_motion(np.array([0.6, 0.0, 0.8]), np.array([1.0, 2, 3]), 0.7, 0.3)
+
+    def placed(p):
+        mesh = replace(p.mesh, vertices=apply(world, p.mesh.vertices))
+        joint = p.joint and replace(p.joint, axis=world[:3, :3] @ p.joint.axis,
+                                    origin=apply(world, p.joint.origin))
+        return replace(p, mesh=mesh, joint=joint)
+
+    there = with_free_ranges(replace(twin, parts=tuple(map(placed, twin.parts))))
+    np.testing.assert_allclose(there.parts[1].limits, with_free_ranges(twin).parts[1].limits,
+                               atol=TURN_BACK)
+
+
+def test_pieces_that_cannot_be_parted_keep_both_joints_to_what_was_seen(monkeypatch):
+    twin = with_free_ranges(door_twin())
+    real = clearance._separated
+    monkeypatch.setattr(clearance, "_separated", lambda t, gap: (real(t, gap)[0], {(0, 1)}))
+    kept = clearance.with_apart_pieces(twin)
+    assert kept.parts[1].limits == observed_only(twin.parts[1]).limits
+    assert kept.parts[1].limits_source == "measured"
+    assert any("range kept to what was observed" in note for note in kept.notes)
+    monkeypatch.undo()
+    assert clearance.with_apart_pieces(twin).parts[1].limits == twin.parts[1].limits
+
+
+def test_a_part_without_a_joint_has_no_range():
+    part = Part("part_1", 0, door_twin().parts[1].mesh, (), None)
+    assert observed_only(part).limits == (0.0, 0.0)
