@@ -180,6 +180,9 @@ def _geometry(config: Config) -> tuple[PlanItem, ...]:
         PlanItem("convex decomposition", True, "decided per part: a convex part needs none",
                  "during") if config.mesh.convex else
         PlanItem("convex decomposition", False, "off by --no-convex: one hull per part"),
+        PlanItem("texture", config.texture.texture, "photos of both states, at most "
+                 f"{config.texture.texture_side} pixels a side and part"
+                 if config.texture.texture else "off by --no-texture: one colour per part"),
         PlanItem("simulator checks", True,
                  f"{config.check.sweep_values} joint values per joint, MuJoCo and exact geometry"),
     )
