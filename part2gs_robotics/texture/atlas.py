@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,7 +11,13 @@ from numpy.typing import NDArray
 from part2gs_robotics.model.arrays import F32, I64
 from part2gs_robotics.model.twin import PartMesh
 from part2gs_robotics.texture.chart_kernels import cover
-from part2gs_robotics.texture.charts import Charts, make_charts, pack, smooth_normals
+from part2gs_robotics.texture.charts import (
+    Charts,
+    make_charts,
+    pack,
+    smooth_normals,
+    whole_steps,
+)
 
 GUTTER = 4  # texels round a chart: two halvings of the picture do not mix neighbours
 COARSER = 1.08  # step in which texels grow until a part fits
@@ -43,10 +50,15 @@ def make_atlas(mesh: PartMesh, texel: float, widest: int) -> Atlas:
     Args:
         mesh: any triangles.
         texel: wanted side of a texel, scene units.
-        widest: longest side of the picture, texels.
+        widest: longest side of the picture, texels; more only if not even a texel of each chart
+            would fit.
     """
     charts = make_charts(mesh, texel)
-    scale, packed = 1.0, pack(charts.sizes, GUTTER, widest)
+    least = (2 * GUTTER + 1) * math.ceil(math.sqrt(len(charts.sizes)))
+    widest = max(widest, whole_steps(least))
+    area = float((charts.sizes + 2 * GUTTER).prod(1).sum())
+    scale = max(1.0, math.sqrt(area) / widest / COARSER)
+    packed = pack(charts.sizes / scale, GUTTER, widest)
     while packed is None:
         scale *= COARSER
         packed = pack(charts.sizes / scale, GUTTER, widest)

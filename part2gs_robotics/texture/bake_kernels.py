@@ -82,7 +82,7 @@ def gather(points: F32, normals: F32, place: F64, K: F64, images: NDArray[np.uin
             slope = c / fx * np.sqrt(1.0 - min(cosine * cosine, 1.0)) / cosine
             if sure <= 0.0 or c > depths[v, j, i] + SHARE * size + slope:
                 continue
-            weight = np.float32(sure * cosine**power * size * size / squared)
+            weight = sure * cosine**power * size * size / squared
             if weight > weights[t, most - 1]:
                 slot = _slot(weights[t], colors[t], weight)
                 _look(images[v], px, py, colors[t, slot])

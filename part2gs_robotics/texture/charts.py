@@ -140,14 +140,15 @@ def pack(sizes: F64, gutter: int, widest: int) -> tuple[NDArray[np.int64], tuple
     outer = np.ceil(sizes).astype(np.int64) + 2 * gutter
     area = float(outer.prod(1).sum())
     least = max(int(np.sqrt(area)), int(outer[:, 0].max()))
-    for width in range(min(_step(least), widest), widest + 1, STEP):
+    for width in range(min(whole_steps(least), widest), widest + 1, STEP):
         places, height = _shelves(outer, width)
         if height <= min(width, widest) or (width == widest and height <= widest):
-            return places + gutter, (width, min(_step(height), widest))
+            return places + gutter, (width, min(whole_steps(height), widest))
     return None
 
 
-def _step(length: int) -> int:
+def whole_steps(length: int) -> int:
+    """Return the least side of an atlas that is not below a length in texels."""
     return -(-length // STEP) * STEP
 
 

@@ -13,6 +13,8 @@ from synth import toy_cabinet_twin
 
 from part2gs_robotics.exporters.mjcf import write_mjcf
 from part2gs_robotics.exporters.urdf import write_urdf
+from part2gs_robotics.mesh.clearance import separate_pieces
+from part2gs_robotics.model.scene_frame import SceneFrame, parts_in_scene
 from part2gs_robotics.model.twin import Texture, Twin
 from part2gs_robotics.sim_checks import check
 from part2gs_robotics.texture.atlas import make_atlas
@@ -122,6 +124,8 @@ def test_files_name_each_other(tmp_path: Path) -> None:
     obj = (tmp_path / "base_visual.obj").read_text()
     assert "mtllib base_visual.mtl" in obj
     material = (tmp_path / "base_visual.mtl").read_text()
+    assert "usemtl base_visual" in obj
+    assert "newmtl base_visual" in material
     assert "map_Kd base_texture.png" in material
     assert cv2.imread(str(tmp_path / "base_texture.png")) is not None
 
@@ -131,6 +135,14 @@ def test_a_picture_is_stored_as_it_is(tmp_path: Path) -> None:
     write_mjcf(twin, tmp_path)
     read = cv2.imread(str(tmp_path / "base_texture.png"))[..., ::-1]
     assert np.array_equal(read, twin.parts[0].mesh.texture.image)
+
+
+def test_other_rooms_hand_textures_on() -> None:
+    twin = painted(toy_cabinet_twin(2))
+    apart = separate_pieces(twin)
+    placed = parts_in_scene(apart.parts, SceneFrame(2.0, (1.0, 0.0, 0.0)), False)
+    for before, after in zip(twin.parts, placed, strict=True):
+        assert after.mesh.texture is before.mesh.texture
 
 
 def test_without_textures_no_picture_is_written(tmp_path: Path) -> None:

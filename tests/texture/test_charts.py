@@ -102,6 +102,17 @@ def test_an_atlas_stays_within_its_side() -> None:
     assert atlas.uv.max() <= 1
 
 
+@pytest.mark.parametrize("side", [64, 128, 512])
+def test_many_charts_still_fit_in_little_room(side: int) -> None:
+    rough = trimesh.creation.icosphere(subdivisions=3)
+    rough.vertices += np.random.default_rng(0).normal(scale=0.2, size=rough.vertices.shape)
+    mesh = mesh_of(rough)
+    atlas = make_atlas(mesh, 0.005, side)
+    count = len(make_charts(mesh, 0.005).sizes)
+    assert max(atlas.shape) <= max(side, (2 * GUTTER + 2) * np.sqrt(count) + 64)
+    assert covered(atlas.uv, atlas.shape).max() == 1
+
+
 def test_points_of_texels_lie_on_their_faces() -> None:
     atlas = make_atlas(MESHES["box"], 0.01, 1024)
     off = np.abs(np.abs(atlas.points) - np.array([0.5, 0.3, 0.15])).min(1)
