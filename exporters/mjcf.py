@@ -15,7 +15,7 @@ import numpy as np
 
 from part2gs_robotics.exporters.dynamics import JointDynamics, Physics, physics_of
 from part2gs_robotics.exporters.inertia import MassProperties
-from part2gs_robotics.exporters.meshfile import mean_rgba, piece_name, visual_name, write_meshes
+from part2gs_robotics.exporters.meshfile import add_material, piece_name, visual_name, write_meshes
 from part2gs_robotics.exporters.scene import scene_xml
 from part2gs_robotics.exporters.xmlio import add, write_xml
 from part2gs_robotics.model.joint import Joint
@@ -54,7 +54,7 @@ def twin_xml(twin: Twin, physics: Physics, *, actuated: bool = False) -> ET.Elem
     visual, collision = f"{twin.name}_visual", f"{twin.name}_collision"
     asset = add(root, "asset")
     for part in twin.parts:
-        add(asset, "material", name=f"{part.name}_color", rgba=mean_rgba(part.mesh))
+        add_material(asset, part)
         add(asset, "mesh", class_=visual, name=f"{part.name}_visual", file=visual_name(part))
         for i in range(len(part.pieces)):
             name, file = f"{part.name}_piece_{i:02d}", piece_name(part, i)

@@ -26,14 +26,15 @@ from part2gs_robotics.config_rooms import (
     ReadConfig,
     SearchConfig,
     StereoConfig,
+    TextureConfig,
 )
 from part2gs_robotics.errors import ConfigError
 from part2gs_robotics.model.materials import HEAVIEST, LIGHTEST, MATERIALS, density_of
 
 __all__ = [
     "BOUNDS", "PRESETS", "ArticulateConfig", "CheckConfig", "Config", "FitConfig", "MeshConfig",
-    "Option", "OutputConfig", "ReadConfig", "SearchConfig", "StereoConfig", "Value", "convert",
-    "options", "resolve", "to_dict", "with_values",
+    "Option", "OutputConfig", "ReadConfig", "SearchConfig", "StereoConfig", "TextureConfig",
+    "Value", "convert", "options", "resolve", "to_dict", "with_values",
 ]  # fmt: skip
 
 Value = bool | int | float | str | tuple[float, float, float] | tuple[str, ...] | None
@@ -49,6 +50,7 @@ class Config:
     search: SearchConfig = field(default_factory=SearchConfig)
     articulate: ArticulateConfig = field(default_factory=ArticulateConfig)
     mesh: MeshConfig = field(default_factory=MeshConfig)
+    texture: TextureConfig = field(default_factory=TextureConfig)
     check: CheckConfig = field(default_factory=CheckConfig)
     output: OutputConfig = field(default_factory=OutputConfig)
 
@@ -75,8 +77,8 @@ BOUNDS: dict[str, tuple[float, float]] = {
     "patches": (2, 1000), "patch_points": (12, 1000), "proof_views": (2, 1000),
     "proof_side": (16, 2048), "align_views": (2, 1000), "align_side": (16, 4096),
     "sharp_side": (16, 4096), "parts": (1, 64), "resolution": (16, 1024),
-    "clearance_voxels": (0, 16), "collision_gap": (0, 0.05), "sweep_values": (3, 10_001),
-    "seed": (0, 2**31 - 1),
+    "clearance_voxels": (0, 16), "collision_gap": (0, 0.05), "texture_side": (64, 8192),
+    "sweep_values": (3, 10_001), "seed": (0, 2**31 - 1),
 }
 
 ALIASES = {"meters_per_unit": "scale"}  # earlier names of settings, still understood

@@ -140,6 +140,16 @@ class MeshConfig:
 
 
 @dataclass(frozen=True)
+class TextureConfig:
+    """Pictures of the parts' surfaces."""
+
+    texture: bool = True
+    """bake the photos into a texture per part; off: one colour per part"""
+    texture_side: int = 1024
+    """longest side of a part's texture in pixels"""
+
+
+@dataclass(frozen=True)
 class CheckConfig:
     """Simulator checks."""
 

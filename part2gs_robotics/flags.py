@@ -38,7 +38,8 @@ def _capture(name: str, kind: type, default: Value, doc: str) -> Option:
 # What each command does, its paths, the rooms whose settings it takes, and flags of its own.
 COMMANDS = {
     "build": Command("two-state photos in, MuJoCo-checked twin out", ("SCENE",),
-                     ("read", "fit", "stereo", "search", "articulate", "mesh", "check", "output")),
+                     ("read", "fit", "stereo", "search", "articulate", "mesh", "texture", "check",
+                      "output")),
     "check": Command("the simulator checks alone, on a twin folder or MJCF file", ("PATH",),
                      ("check",)),
     "capture": Command("render a two-state scene with ground truth from an MJCF or URDF model",
