@@ -1,7 +1,8 @@
-"""Joint dynamics nobody photographed: damping, friction and a servo that tracks.
+"""Joint dynamics nobody photographed: damping and friction of a free joint, a servo that tracks.
 
-Every number is assumed; it scales with the mass, the range and the gravity load, so that any
-object in any unit gets a servo of the same character.
+Every number is assumed. Passive ones follow from mass and gravity, so that a finger moves a door of
+any size in any unit: friction is a share of the weight that acts at the radius of gyration, damping
+lets a push coast for a time. A servo adds range and gravity load, and tracks against all of it.
 """
 
 from __future__ import annotations
@@ -25,11 +26,12 @@ from part2gs_robotics.model.twin import Twin
 
 TRAVEL_TIME = 0.5  # s for the full range at top speed: a brisk human hand
 SERVO_FREQUENCY = 30.0  # rad/s, slowest servo: settles in 0.2 s
-SAG = 0.004  # of the range: allowed droop of the servo under gravity (the check allows 1 %)
+SAG = 0.004  # of the range: droop of the servo under gravity and friction (the check allows 1 %)
 LEAST_SPAN = 1e-3  # rad, or of the size: a joint observed without motion still gets a servo
 ARMATURE = 0.02  # of the joint's inertia: conditioning without a visible change
-FRICTION = 0.02  # of the accelerating force
-FORCE_MARGIN = 3.0  # servo force above gravity plus acceleration
+FRICTION = 0.02  # of the weight: greased hinge, ball-bearing slide; less than a tilt by 2 degrees
+COAST = 1.0  # s in which a push dies away: 3 N at the edge keep a 10 kg door at 1 m/s there
+FORCE_MARGIN = 3.0  # servo force above gravity, friction and acceleration
 MAX_STEP = 0.002  # s, MuJoCo's default
 GAIN_STEP = 4.0  # frequency x step at gain x 100; critical damping, implicit: stable below 4.83
 
@@ -39,11 +41,13 @@ class JointDynamics:
     """Assumed numbers of one joint, in kg, scene units, rad, s.
 
     Attributes:
-        inertia: about the joint, everything carried included.  gravity: largest load in the range.
-        damping, friction, armature: passive.  kp, kv, force: servo.  velocity: top speed.
+        inertia: about the joint, everything carried included.  mass: carried.
+        gravity: largest load in the range.  damping, friction, armature: passive.
+        kp, kv, force: servo.  velocity: top speed.
     """
 
     inertia: float
+    mass: float
     gravity: float
     damping: float
     friction: float
@@ -100,20 +104,23 @@ def _joint_dynamics(twin: Twin, index: int, masses: tuple[MassProperties, ...]) 
         abs(_gravity_load(part.joint, carried, gravity_vector(twin), q))
         for q in np.linspace(*part.limits, 9)
     )
+    mass = sum(m.mass for m in carried)
     armature = ARMATURE * inertia
+    friction = FRICTION * float(np.linalg.norm(gravity_vector(twin))) * np.sqrt(inertia * mass)
     accelerate = (inertia + armature) * 4 * span / TRAVEL_TIME**2  # bang-bang over the range
-    kp = max((inertia + armature) * SERVO_FREQUENCY**2, load / (SAG * span))
-    velocity = 2 * span / TRAVEL_TIME
+    held = load + friction
+    kp = max((inertia + armature) * SERVO_FREQUENCY**2, held / (SAG * span))
     return JointDynamics(
         inertia=inertia,
+        mass=mass,
         gravity=load,
-        damping=accelerate / velocity,
-        friction=FRICTION * accelerate,
+        damping=(inertia + armature) / COAST,
+        friction=float(friction),
         armature=armature,
-        kp=kp,
+        kp=float(kp),
         kv=2 * float(np.sqrt(kp * (inertia + armature))),
-        force=FORCE_MARGIN * (accelerate + load),
-        velocity=velocity,
+        force=float(FORCE_MARGIN * (accelerate + held)),
+        velocity=2 * span / TRAVEL_TIME,
     )
 
 

@@ -8,9 +8,9 @@ import numpy as np
 
 from part2gs_robotics.errors import ExportError
 from part2gs_robotics.model.arrays import F64
+from part2gs_robotics.model.materials import DEFAULT, MATERIALS, density_of
 from part2gs_robotics.model.twin import PartMesh, Twin
 
-DENSITY = 600.0  # kg/m3, assumed: between particle board (650) and plastic housings with air inside
 GRAVITY = 9.81  # m/s2
 MIN_MASS = 1e-9  # kg; MuJoCo refuses 1e-15 and its solver loses digits long before
 
@@ -30,16 +30,31 @@ class MassProperties:
     volume: float
 
 
+def density(twin: Twin) -> float:
+    """Return kg/m3 of the twin's material.
+
+    Raises:
+        ExportError: if it is neither a known name nor a number that can mean anything.
+    """
+    material = twin.material or DEFAULT
+    found = density_of(material)
+    if found is None:
+        raise ExportError(
+            f"material {material!r} of the twin is unknown. "
+            f"Needed kg/m3 or one of {', '.join(MATERIALS)}; choose another --material."
+        )
+    return found
+
+
 def density_per_unit(twin: Twin) -> float:
     """Return kg per cubed scene unit."""
-    return DENSITY * (twin.meters_per_unit or twin.assumed_meters) ** 3
+    return density(twin) * twin.meters**3
 
 
 def gravity_vector(twin: Twin) -> F64:
     """Return [3] gravity in scene units/s2, down = -up, +z up when unknown."""
     up = np.array([0.0, 0.0, 1.0]) if twin.up is None else np.asarray(twin.up, float)
-    meters = twin.meters_per_unit or twin.assumed_meters
-    return np.asarray(-GRAVITY / meters * up / np.linalg.norm(up)) + 0.0
+    return np.asarray(-GRAVITY / twin.meters * up / np.linalg.norm(up)) + 0.0
 
 
 def mass_properties(mesh: PartMesh, density: float) -> MassProperties:
@@ -88,7 +103,7 @@ def _require_physical(inertia: F64, mass: float) -> None:
     if mass < MIN_MASS or moments[0] <= 0 or triangle_gap(inertia) < -rounding:
         raise ExportError(
             f"a part has mass {mass:.3g} kg and principal inertia {moments}. "
-            "Needed positive numbers with A + B >= C; check meters_per_unit and the mesh."
+            "Needed positive numbers with A + B >= C; check --scale and the mesh."
         )
 
 

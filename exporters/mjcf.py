@@ -1,4 +1,9 @@
-"""Write twin.xml and scene.xml: MJCF in words MuJoCo 3.13 to 4 understand alike."""
+"""Write twin.xml, twin_actuated.xml and scene.xml: MJCF that MuJoCo 3.13 to 4 understand alike.
+
+The two twins hold nothing that counts for a whole model: no <compiler>, no <option>, and defaults
+in classes of the twin's own name only. So `<include>` beside other bodies and `attach` with a
+prefix leave those as they are. Angles are degrees, as MJCF means where nobody says otherwise.
+"""
 
 from __future__ import annotations
 
@@ -10,15 +15,13 @@ import numpy as np
 
 from part2gs_robotics.exporters.dynamics import JointDynamics, Physics, physics_of
 from part2gs_robotics.exporters.inertia import MassProperties
-from part2gs_robotics.exporters.meshfile import mean_rgba, piece_name, visual_name, write_meshes
+from part2gs_robotics.exporters.meshfile import add_material, piece_name, visual_name, write_meshes
+from part2gs_robotics.exporters.scene import scene_xml
 from part2gs_robotics.exporters.xmlio import add, write_xml
-from part2gs_robotics.model.arrays import F64
 from part2gs_robotics.model.joint import Joint
-from part2gs_robotics.model.kinematics import children, moves, moving_parts, part_transforms
+from part2gs_robotics.model.kinematics import children, moves
 from part2gs_robotics.model.solids import bounds
 from part2gs_robotics.model.twin import Part, Twin
-
-GROUND_GAP = 0.01  # of the size: the ground stays this far below everything that moves
 
 
 def write_mjcf(twin: Twin, folder: Path) -> list[Path]:
@@ -33,6 +36,7 @@ def write_mjcf(twin: Twin, folder: Path) -> list[Path]:
     files = write_meshes(twin, folder)
     return [
         write_xml(twin_xml(twin, physics), folder / "twin.xml"),
+        write_xml(twin_xml(twin, physics, actuated=True), folder / "twin_actuated.xml"),
         write_xml(scene_xml(twin, physics), folder / "scene.xml"),
         *files,
     ]
@@ -43,83 +47,58 @@ def joint_name(part: Part) -> str:
     return f"{part.name}_joint"
 
 
-def twin_xml(twin: Twin, physics: Physics) -> ET.Element:
-    """Return the <mujoco> element of the object alone."""
+def twin_xml(twin: Twin, physics: Physics, *, actuated: bool = False) -> ET.Element:
+    """Return the <mujoco> element of the object alone, passive or with a servo on every joint."""
     root = ET.Element("mujoco", model=twin.name)
-    add(root, "compiler", angle="radian", autolimits="true", inertiafromgeom="false")
-    _options(root, physics)
-    _defaults(root)
+    _defaults(root, twin)
+    visual, collision = f"{twin.name}_visual", f"{twin.name}_collision"
     asset = add(root, "asset")
     for part in twin.parts:
-        add(asset, "material", name=f"{part.name}_color", rgba=mean_rgba(part.mesh))
-        add(asset, "mesh", class_="visual", name=f"{part.name}_visual", file=visual_name(part))
+        add_material(asset, part)
+        add(asset, "mesh", class_=visual, name=f"{part.name}_visual", file=visual_name(part))
         for i in range(len(part.pieces)):
-            add(
-                asset,
-                "mesh",
-                class_="collision",
-                name=f"{part.name}_piece_{i:02d}",
-                file=piece_name(part, i),
-            )
+            name, file = f"{part.name}_piece_{i:02d}", piece_name(part, i)
+            add(asset, "mesh", class_=collision, name=name, file=file)
     _body(add(root, "worldbody"), twin, physics, 0)
-    _actuators(root, twin, physics)
+    if actuated:
+        _actuators(root, twin, physics)
     _screws(root, twin)
-    _keyframes(root, twin, physics)
+    _keyframes(root, twin, physics, actuated)
     return root
 
 
-def _options(root: ET.Element, physics: Physics) -> None:
-    # implicitfast, elliptic, impratio: the manual's tuning table
-    # dense: the sparse Newton solver of 4.0.0 has a wrong Hessian
-    add(
-        root,
-        "option",
-        timestep=physics.step,
-        gravity=physics.gravity,
-        integrator="implicitfast",
-        cone="elliptic",
-        impratio=10,
-        jacobian="dense",
-    )
-
-
-def _defaults(root: ET.Element) -> None:
-    default = add(root, "default")
-    add(default, "joint", solreflimit=(0.008, 1), solimplimit=(0.95, 0.99, 0.001))
-    visual = add(default, "default", class_="visual")
+def _defaults(root: ET.Element, twin: Twin) -> None:
+    """Hang every default on a class of the twin's own: the nameless one counts for all models."""
+    own = add(add(root, "default"), "default", class_=f"{twin.name}_part")
+    add(own, "joint", solreflimit=(0.008, 1), solimplimit=(0.95, 0.99, 0.001))
+    visual = add(own, "default", class_=f"{twin.name}_visual")
     add(visual, "mesh", inertia="exact")
     add(visual, "geom", type="mesh", group="2", contype="0", conaffinity="0", mass=0)
-    collision = add(default, "default", class_="collision")
+    collision = add(own, "default", class_=f"{twin.name}_collision")
     add(collision, "mesh", inertia="convex")
     # positive solref only: a negative one bypasses the engine's stability clamp
-    add(
-        collision,
-        "geom",
-        type="mesh",
-        group="3",
-        mass=0,
-        solref=(0.008, 1),
-        rgba=(0.2, 0.6, 0.9, 0.4),
-    )
+    pale = (0.2, 0.6, 0.9, 0.4)
+    add(collision, "geom", type="mesh", group="3", mass=0, solref=(0.008, 1), rgba=pale)
 
 
 def _body(parent: ET.Element, twin: Twin, physics: Physics, index: int) -> None:
     part = twin.parts[index]
-    body = add(parent, "body", name=part.name)
+    own = {} if index else {"childclass": f"{twin.name}_part"}  # what it carries inherits it
+    body = add(parent, "body", name=part.name, **own)
     _inertial(body, physics.masses[index])
     if part.joint is not None and moves(part):
         _joints(body, part, part.joint, physics.joints[index])
     add(
         body,
         "geom",
-        class_="visual",
+        class_=f"{twin.name}_visual",
         name=f"{part.name}_visual",
         mesh=f"{part.name}_visual",
         material=f"{part.name}_color",
     )
     for i in range(len(part.pieces)):
         name = f"{part.name}_piece_{i:02d}"
-        add(body, "geom", class_="collision", name=name, mesh=name)
+        add(body, "geom", class_=f"{twin.name}_collision", name=name, mesh=name)
     if index == 0:
         _sites(body, twin)
     for child in children(twin, index):
@@ -146,7 +125,7 @@ def _joints(body: ET.Element, part: Part, joint: Joint, dyn: JointDynamics) -> N
         type=kind,
         pos=joint.origin,
         axis=joint.axis,
-        range=part.limits,
+        range=part.limits if kind == "slide" else np.degrees(part.limits),
         damping=dyn.damping,
         frictionloss=dyn.friction,
         armature=dyn.armature,
@@ -184,18 +163,23 @@ def _sites(body: ET.Element, twin: Twin) -> None:
 
 
 def _actuators(root: ET.Element, twin: Twin, physics: Physics) -> None:
+    """Add a critically damped position servo per joint; its command is in rad or scene units."""
     if not physics.joints:
         return
     actuator = add(root, "actuator")
     for index, dyn in physics.joints.items():
         part = twin.parts[index]
+        assert part.joint is not None  # moving parts have one
+        # the engine's own damping ratio does not see the slide that a screw's turn carries along
+        damping = {"kv": dyn.kv} if part.joint.kind == "screw" else {"dampratio": 1.0}
         add(
             actuator,
             "position",
+            class_=f"{twin.name}_part",
             name=f"{part.name}_servo",
             joint=joint_name(part),
             kp=dyn.kp,
-            kv=dyn.kv,
+            **damping,
             ctrlrange=part.limits,
             forcerange=(-dyn.force, dyn.force),
         )
@@ -220,7 +204,7 @@ def _screws(root: ET.Element, twin: Twin) -> None:
         )
 
 
-def _keyframes(root: ET.Element, twin: Twin, physics: Physics) -> None:
+def _keyframes(root: ET.Element, twin: Twin, physics: Physics, actuated: bool) -> None:
     placed = [twin.parts[i] for i in _down(twin, 0) if moves(twin.parts[i])]
     if not placed:
         return
@@ -228,7 +212,8 @@ def _keyframes(root: ET.Element, twin: Twin, physics: Physics) -> None:
     for state in (0, 1):
         qpos = [state * value for part in placed for value in _positions(part)]
         ctrl = [state * _positions(twin.parts[i])[0] for i in physics.joints]
-        add(keyframe, "key", name=f"state_{state}", qpos=qpos, ctrl=ctrl)
+        commands = {"ctrl": ctrl} if actuated else {}
+        add(keyframe, "key", name=f"state_{state}", qpos=qpos, **commands)
 
 
 def _down(twin: Twin, index: int) -> Iterator[int]:
@@ -246,55 +231,3 @@ def _positions(part: Part) -> list[float]:
     assert part.joint is not None  # moving parts have one
     value = part.joint.value
     return [value, value * part.joint.pitch] if part.joint.kind == "screw" else [value]
-
-
-def scene_xml(twin: Twin, physics: Physics) -> ET.Element:
-    """Return the <mujoco> element that includes twin.xml and adds ground and light."""
-    root = ET.Element("mujoco", model=f"{twin.name}_scene")
-    add(root, "include", file="twin.xml")
-    _options(root, physics)  # repeated: a file that attaches this one keeps only its own options
-    low, high = bounds(tuple(p.mesh for p in twin.parts))
-    size, middle = float(np.linalg.norm(high - low)), (low + high) / 2
-    up = -physics.gravity / np.linalg.norm(physics.gravity)
-    add(root, "statistic", center=middle, extent=size)
-    asset = add(root, "asset")
-    add(
-        asset,
-        "texture",
-        name="ground",
-        type="2d",
-        builtin="checker",
-        rgb1=(0.75, 0.75, 0.75),
-        rgb2=(0.65, 0.65, 0.65),
-        width="300",
-        height="300",
-    )
-    add(asset, "material", name="ground", texture="ground", texrepeat=(8, 8))
-    world = add(root, "worldbody")
-    floor = middle + up * (_lowest(twin, up) - GROUND_GAP * size - float(up @ middle))
-    add(
-        world,
-        "geom",
-        name="ground",
-        type="plane",
-        pos=floor,
-        zaxis=up,
-        size=(3 * size, 3 * size, 0.1 * size),
-        material="ground",
-    )
-    add(world, "light", name="sun", pos=middle + 3 * size * up, dir=-up, directional="true")
-    return root
-
-
-def _lowest(twin: Twin, up: F64) -> float:
-    """Return the lowest height any part reaches along its range, other joints at 0."""
-    moving, lowest = moving_parts(twin), np.inf
-    for slot, index in enumerate(moving):
-        for q in np.linspace(*twin.parts[index].limits, 9):
-            positions = [float(q) if i == slot else 0.0 for i in range(len(moving))]
-            for part, place in zip(twin.parts, part_transforms(twin, positions), strict=True):
-                lowest = min(
-                    lowest,
-                    float((part.mesh.vertices @ (place[:3, :3].T @ up)).min() + up @ place[:3, 3]),
-                )
-    return min(lowest, *(float((p.mesh.vertices @ up).min()) for p in twin.parts))

@@ -10,12 +10,24 @@ from typing import Literal
 import numpy as np
 
 from part2gs_robotics.errors import CheckError
-from part2gs_robotics.exporters.dynamics import JointDynamics, Physics, physics_of
-from part2gs_robotics.exporters.inertia import DENSITY, MassProperties, density_per_unit
+from part2gs_robotics.exporters.dynamics import (
+    ARMATURE,
+    COAST,
+    FORCE_MARGIN,
+    FRICTION,
+    SAG,
+    SERVO_FREQUENCY,
+    TRAVEL_TIME,
+    JointDynamics,
+    Physics,
+    physics_of,
+)
+from part2gs_robotics.exporters.inertia import MassProperties, density, density_per_unit
 from part2gs_robotics.exporters.meshfile import piece_name, visual_name
 from part2gs_robotics.exporters.mjcf import joint_name
 from part2gs_robotics.model.joint import Joint
 from part2gs_robotics.model.kinematics import moves
+from part2gs_robotics.model.materials import DEFAULT
 from part2gs_robotics.model.solids import watertight
 from part2gs_robotics.model.twin import Part, Twin
 from part2gs_robotics.runtime.atomic import write_bytes_atomic
@@ -45,18 +57,24 @@ def write_twin_yaml(twin: Twin, folder: Path, extra: Mapping[str, object] | None
 def twin_document(twin: Twin) -> Tree:
     """Return the whole description; every number is {value, source, note}."""
     physics = physics_of(twin)
-    density = density_per_unit(twin)
     return {
         "format": FORMAT,
         "name": twin.name,
         "frame": "world of the input scene, lengths in scene units, joint position 0 = state 0",
         "meters_per_unit": _scale(twin),
         "up": _up(twin),
-        "gravity": _value(physics.gravity, "assumed", "9.81 m/s2 along -up, in scene units"),
-        "timestep": _value(physics.step, "assumed", "s; resolves the fastest servo at gain x 100"),
-        "parts": [
-            _part(twin, p, m, density) for p, m in zip(twin.parts, physics.masses, strict=True)
-        ],
+        "material": _material(twin),
+        "gravity": _value(
+            physics.gravity,
+            "assumed",
+            "9.81 m/s2 along -up, in scene units; scene.xml alone has it",
+        ),
+        "timestep": _value(
+            physics.step,
+            "assumed",
+            "s; resolves the fastest servo at gain x 100; scene.xml alone has it",
+        ),
+        "parts": [_part(twin, p, m) for p, m in zip(twin.parts, physics.masses, strict=True)],
         "joints": [_joint(twin, i, physics) for i in range(1, len(twin.parts))],
         "notes": list(twin.notes),
     }
@@ -67,7 +85,13 @@ def _scale(twin: Twin) -> Tree:
         taken = f"{twin.assumed_meters:g} m per unit"
         note = f"the scene gives no scale; masses and gravity take {taken}"
         return _value("unknown", "assumed", note)
-    return _value(twin.meters_per_unit, "measured", "given by the scene")
+    return _value(twin.meters_per_unit, "measured", twin.scale_note)
+
+
+def _material(twin: Twin) -> Tree:
+    if twin.material is None:
+        return _value(DEFAULT, "assumed", "photos show no density; --material says it")
+    return _value(twin.material, "measured", "given")
 
 
 def _up(twin: Twin) -> Tree:
@@ -80,8 +104,12 @@ def _value(value: object, source: Source | str, note: str = "") -> Tree:
     return {"value": value, "source": source, "note": note}
 
 
-def _part(twin: Twin, part: Part, props: MassProperties, density: float) -> Tree:
-    heavy = "volume of the closed mesh times the assumed density"
+def _part(twin: Twin, part: Part, props: MassProperties) -> Tree:
+    """Return a part; its mass is as sure as the less sure one of scale and material."""
+    made = "assumed" if twin.material is None else "measured"
+    sure = "assumed" if twin.material is None or twin.meters_per_unit is None else "fitted"
+    heavy = f"volume of the closed mesh times the {'given' if twin.material else 'assumed'} density"
+    heavy += "" if twin.meters_per_unit else " at the assumed scale"
     return {
         "name": part.name,
         "parent": twin.parts[part.parent].name if part.parent >= 0 else None,
@@ -89,10 +117,12 @@ def _part(twin: Twin, part: Part, props: MassProperties, density: float) -> Tree
         "collision_meshes": [piece_name(part, i) for i in range(len(part.pieces))],
         "watertight": watertight(part.mesh),
         "volume": _value(props.volume, "fitted", "exact integral over the closed mesh, units^3"),
-        "density": _value(density, "assumed", f"{DENSITY:g} kg/m3, in kg per units^3"),
-        "mass": _value(props.mass, "assumed", heavy),
+        "density": _value(
+            density_per_unit(twin), made, f"{density(twin):g} kg/m3, in kg per units^3"
+        ),
+        "mass": _value(props.mass, sure, heavy),
         "center": _value(props.center, "fitted", "uniform density; world frame at state 0"),
-        "inertia": _value(props.inertia, "assumed", f"about the centre, kg units^2; {heavy}"),
+        "inertia": _value(props.inertia, sure, f"about the centre, kg units^2; {heavy}"),
         "synthesised": _value(part.mesh.synthesised, "measured", "share of surface nobody saw"),
         "num_gaussians": _value(part.num_gaussians, "measured", "of both states"),
         "diagnostics": {k: _value(v, "fitted", "optimiser") for k, v in part.diagnostics.items()},
@@ -141,13 +171,14 @@ def _sigma(joint: Joint) -> Tree:
 
 def _dynamics(dyn: JointDynamics) -> Tree:
     notes = {
-        "damping": "reaches top speed under the accelerating force",
-        "friction": "2 % of the accelerating force",
-        "armature": "2 % of the joint's inertia",
-        "kp": "30 rad/s, or droop under gravity below 0.4 % of the range",
-        "kv": "critical damping",
-        "force": "three times gravity plus acceleration",
-        "velocity": "full range in half a second, at most twice that speed",
+        "damping": f"a push dies away in {COAST:g} s",
+        "friction": f"{FRICTION:.0%} of the weight it carries, at the radius of gyration",
+        "armature": f"{ARMATURE:.0%} of the joint's inertia",
+        "kp": f"{SERVO_FREQUENCY:g} rad/s, or droop under gravity and friction below {SAG:.1%} of "
+        "the range; twin_actuated.xml alone has it",
+        "kv": "critical damping (dampratio 1); twin_actuated.xml alone has it",
+        "force": f"{FORCE_MARGIN:g} times gravity, friction and the range in {TRAVEL_TIME:g} s",
+        "velocity": f"full range in {TRAVEL_TIME:g} s, at most twice that speed",
     }
     return {key: _value(getattr(dyn, key), "assumed", note) for key, note in notes.items()}
 

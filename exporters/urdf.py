@@ -16,12 +16,15 @@ from part2gs_robotics.model.arrays import F64
 from part2gs_robotics.model.kinematics import moves
 from part2gs_robotics.model.twin import Part, Twin
 
+WORLD = "world"  # the name that Gazebo, Drake and MuJoCo take for what never moves
+
 
 def write_urdf(twin: Twin, folder: Path) -> list[Path]:
     """Write twin.urdf and the mesh files; return all files.
 
-    Link frames sit at their joint's origin, axes parallel to the world: at joint position 0 every
-    mesh lies where its part was in state 0.
+    The root is a massless link `world`, the base is fixed to it. Link frames sit at their joint's
+    origin, axes parallel to the world: at joint position 0 every mesh lies where its part was in
+    state 0.
 
     Raises:
         ExportError: if a number, name or mass cannot be written.
@@ -44,6 +47,10 @@ def twin_urdf(twin: Twin, physics: Physics) -> ET.Element:
     for part in twin.parts:
         add(root, "material", name=f"{part.name}_color")
         add(root[-1], "color", rgba=mean_rgba(part.mesh))
+    # KDL ignores inertia on a root, and Gazebo lets a root fall: the fixed world has none
+    add(root, "link", name=WORLD)
+    base = twin.parts[0].name
+    _joint_element(root, f"{WORLD}_joint", "fixed", WORLD, base, _link_origin(twin.parts[0]))
     for i, part in enumerate(twin.parts):
         _link(root, part, physics.masses[i], _link_origin(part))
     for i in range(1, len(twin.parts)):

@@ -12,9 +12,11 @@ from numpy.typing import NDArray
 from part2gs_robotics.errors import ExportError
 from part2gs_robotics.runtime.atomic import write_bytes_atomic
 
+DIGITS = 10  # of the largest number in a vector: a thousandth of what a reader of six can see
+
 
 def number(value: float) -> str:
-    """Return a finite number with 12 digits (round trip below 1e-11), `-0` as `0`.
+    """Return a finite number with 10 digits (a twin needs six), `-0` as `0`.
 
     Raises:
         ExportError: for NaN or infinity, which MuJoCo reads without an error.
@@ -24,12 +26,20 @@ def number(value: float) -> str:
             f"a number of the twin is {value}. "
             "Needed finite numbers; look at the joints in report.json."
         )
-    return f"{float(value) + 0.0:.12g}"
+    return f"{float(value) + 0.0:.{DIGITS}g}"
 
 
 def numbers(values: Iterable[float] | NDArray[np.float64]) -> str:
-    """Return numbers separated by blanks."""
-    return " ".join(number(float(v)) for v in values)
+    """Return numbers separated by blanks, with the decimals of the largest one's last digit.
+
+    What is smaller is rounding: an axis of 1e-17 beside 1 is written 0.
+    """
+    vector = [float(v) for v in values]
+    largest = max((abs(v) for v in vector if np.isfinite(v)), default=0.0)
+    if largest > 0:
+        decimals = DIGITS - 1 - int(np.floor(np.log10(largest)))
+        vector = [round(v, decimals) for v in vector]
+    return " ".join(number(v) for v in vector)
 
 
 def add(parent: ET.Element, tag: str, **attributes: str | float | Iterable[float]) -> ET.Element:

@@ -20,9 +20,9 @@ from part2gs_robotics.model.gaussians import Gaussians
 from part2gs_robotics.model.motion import Motion
 from part2gs_robotics.model.scene import Scene, StateViews
 from part2gs_robotics.model.scene_frame import frame_of, internal, parts_in_scene
-from part2gs_robotics.model.twin import Part, Twin
+from part2gs_robotics.model.twin import Part, Texture, Twin
 from part2gs_robotics.outputs import BuildResult, write_outputs
-from part2gs_robotics.plan import Plan, make_plan
+from part2gs_robotics.plan import make_plan, settle_plan
 from part2gs_robotics.readers.read_scene import read_scene
 from part2gs_robotics.render.pick_device import describe, pick_device
 from part2gs_robotics.runtime.device import rendering_on
@@ -35,9 +35,11 @@ from part2gs_robotics.stages import (
     load_built,
     load_fit,
     load_motion,
+    load_textures,
     save_built,
     save_fit,
     save_motion,
+    save_textures,
 )
 
 if TYPE_CHECKING:
@@ -125,12 +127,14 @@ class _Corridor:
         fits, keys = zip(*(self._fit(index) for index in (0, 1)), strict=True)
         gaussians = (fits[0][0], fits[1][0])
         motion, key = self._articulate(gaussians, keys)
-        motion, parts = self._mesh(gaussians, motion, key)
+        motion, parts, key = self._mesh(gaussians, motion, key)
+        if self.config.texture.texture:
+            parts = self._texture(gaussians, parts, key)
         plan = settle_plan(plan, gaussians, motion, parts, self.config.articulate.paper_mode)
         name = re.sub(r"[^a-z0-9_]+", "_", self.scene.path.resolve().name.lower()).strip("_")
         twin = Twin(name or "twin", parts, self.scene.meters_per_unit, self.scene.up,
                     (*self.scene.notes, *motion.notes))
-        twin = self._in_scene(self._separate(twin))
+        twin = self._scaled(self._in_scene(self._separate(twin)))
         began = time.monotonic()
         result = BuildResult(self.scene, self.frame, (fits[0], fits[1]), motion, twin, plan,
                              self.config, self.seconds)
@@ -188,7 +192,7 @@ class _Corridor:
         return self.both
 
     def _mesh(self, gaussians: tuple[Gaussians, Gaussians], motion: Motion,
-              key: str) -> tuple[Motion, tuple[Part, ...]]:
+              key: str) -> tuple[Motion, tuple[Part, ...], str]:
         settings = self.config.mesh
         key = hash_of("mesh", asdict(settings), key)
 
@@ -198,8 +202,26 @@ class _Corridor:
             both = self._canonical(gaussians)
             return build_existing(both.scene, both.gaussians, motion, settings)
 
-        return self._stage("04_mesh", key, compute, save_built, load_built,
-                           lambda b: f"{sum(len(part.mesh.faces) for part in b[1])} triangles")
+        motion, parts = self._stage(
+            "04_mesh", key, compute, save_built, load_built,
+            lambda b: f"{sum(len(part.mesh.faces) for part in b[1])} triangles")
+        return motion, parts, key
+
+    def _texture(self, gaussians: tuple[Gaussians, Gaussians], parts: tuple[Part, ...],
+                 key: str) -> tuple[Part, ...]:
+        """Return the parts with textures."""
+        settings = self.config.texture
+
+        def compute() -> tuple[Texture, ...]:
+            from part2gs_robotics.texture.bake import bake
+
+            return bake(self._canonical(gaussians).scene, parts, settings)
+
+        textures = self._stage("05_texture", hash_of("texture", asdict(settings), key), compute,
+                               save_textures, load_textures,
+                               lambda t: f"{sum(one.image.size for one in t) / 3e6:.1f} megapixels")
+        return tuple(replace(part, mesh=replace(part.mesh, texture=texture))
+                     for part, texture in zip(parts, textures, strict=True))
 
     def _separate(self, twin: Twin) -> Twin:
         """Return the twin with ranges of joints, and neighbours' collision pieces apart on them."""
@@ -218,6 +240,16 @@ class _Corridor:
         parts = parts_in_scene(twin.parts, self.frame, self.config.articulate.paper_mode)
         return replace(twin, parts=parts, meters_per_unit=self.metres,
                        assumed_meters=self.frame.assumed_meters)
+
+    def _scaled(self, twin: Twin) -> Twin:
+        """Return the twin with scale and material, and say whether anybody knows them."""
+        from part2gs_robotics.model.scale import with_scale
+
+        read = self.config.read
+        twin = with_scale(replace(twin, material=read.material), read.known_length)
+        level = logging.WARNING if twin.meters_per_unit is None else logging.INFO
+        logger.log(level, "%s", twin.notes[-1])
+        return twin
 
     def _stage(self, name: str, key: str, compute: Callable[[], T], save: Callable[[T], Saved],
                load: Callable[[Saved], T], number: Callable[[T], str]) -> T:
@@ -245,28 +277,3 @@ class _Corridor:
 def _state_parts(state: StateViews) -> tuple[object, ...]:
     depths = state.depths if state.depths is not None else np.zeros(0)
     return (state.images, state.alphas, state.Ks, state.viewmats, depths, state.held_out)
-
-
-def settle_plan(plan: Plan, gaussians: tuple[Gaussians, Gaussians], motion: Motion,
-                parts: tuple[Part, ...], paper: bool = False) -> Plan:
-    """Return the plan with the decisions that only measurements could make."""
-    glossy = [f"state {s}" for s, g in enumerate(gaussians) if g.shN.shape[1]]
-    if plan["view-dependent colour"].decided == "during":
-        reason = ("held-out views gain by it in " + " and ".join(glossy) if glossy
-                  else "held-out views gain nothing by it")
-        plan = plan.settle("view-dependent colour", bool(glossy), reason)
-    if plan["part competition"].decided == "during":
-        many = len(motion.joints) > 1
-        plan = plan.settle("part competition", many, f"{len(motion.joints)} moving parts found")
-    if plan["parts on parts"].decided == "during":
-        on = [f"part_{k + 1} on part_{p}" for k, p in enumerate(motion.parents) if p]
-        plan = plan.settle("parts on parts", bool(on), ", ".join(on) or "all hang on the base")
-    split = [part.name for part in parts if len(part.pieces) > 1]
-    whole = [part.name for part in parts if len(part.pieces) <= 1]
-    sentences = [f"{', '.join(names)} {fate}" for names, fate in
-                 ((split, "cut into convex pieces"), (whole, "already convex")) if names]
-    if plan["convex decomposition"].decided == "during":
-        plan = plan.settle("convex decomposition", bool(split), "; ".join(sentences))
-    pulled = sum(one.get("physics_kept", 0.0) for one in motion.diagnostics)
-    points = sum(one.get("repel_points", 0.0) for one in motion.diagnostics)
-    return plan.settle_terms(len(motion.joints), round(pulled), round(points), paper)

@@ -20,18 +20,21 @@ from part2gs_robotics.config_rooms import (
     ArticulateConfig,
     CheckConfig,
     FitConfig,
+    Material,
     MeshConfig,
     OutputConfig,
     ReadConfig,
     SearchConfig,
     StereoConfig,
+    TextureConfig,
 )
 from part2gs_robotics.errors import ConfigError
+from part2gs_robotics.model.materials import HEAVIEST, LIGHTEST, MATERIALS, density_of
 
 __all__ = [
     "BOUNDS", "PRESETS", "ArticulateConfig", "CheckConfig", "Config", "FitConfig", "MeshConfig",
-    "Option", "OutputConfig", "ReadConfig", "SearchConfig", "StereoConfig", "Value", "convert",
-    "options", "resolve", "to_dict", "with_values",
+    "Option", "OutputConfig", "ReadConfig", "SearchConfig", "StereoConfig", "TextureConfig",
+    "Value", "convert", "options", "resolve", "to_dict", "with_values",
 ]  # fmt: skip
 
 Value = bool | int | float | str | tuple[float, float, float] | tuple[str, ...] | None
@@ -47,6 +50,7 @@ class Config:
     search: SearchConfig = field(default_factory=SearchConfig)
     articulate: ArticulateConfig = field(default_factory=ArticulateConfig)
     mesh: MeshConfig = field(default_factory=MeshConfig)
+    texture: TextureConfig = field(default_factory=TextureConfig)
     check: CheckConfig = field(default_factory=CheckConfig)
     output: OutputConfig = field(default_factory=OutputConfig)
 
@@ -64,7 +68,8 @@ PRESETS: dict[str, dict[str, Value]] = {  # standard is what the dataclasses say
 
 # smallest and largest value that can mean anything; outside it is a typing mistake
 BOUNDS: dict[str, tuple[float, float]] = {
-    "max_side": (32, 8192), "meters_per_unit": (1e-9, 1e9), "steps": (1, 1_000_000),
+    "max_side": (32, 8192), "scale": (1e-9, 1e9), "known_length": (1e-9, 1e9),
+    "steps": (1, 1_000_000),
     "half_steps": (0, 1_000_000), "start_gaussians": (100, 10_000_000),
     "max_gaussians": (100, 10_000_000), "hull_resolution": (16, 1024), "alpha_weight": (0, 1e3),
     "opacity_weight": (0, 1e3), "depth_weight": (0, 1e3), "smooth_weight": (0, 1e3),
@@ -72,9 +77,11 @@ BOUNDS: dict[str, tuple[float, float]] = {
     "patches": (2, 1000), "patch_points": (12, 1000), "proof_views": (2, 1000),
     "proof_side": (16, 2048), "align_views": (2, 1000), "align_side": (16, 4096),
     "sharp_side": (16, 4096), "parts": (1, 64), "resolution": (16, 1024),
-    "clearance_voxels": (0, 16), "collision_gap": (0, 0.05), "sweep_values": (3, 10_001),
-    "seed": (0, 2**31 - 1),
+    "clearance_voxels": (0, 16), "collision_gap": (0, 0.05), "texture_side": (64, 8192),
+    "sweep_values": (3, 10_001), "seed": (0, 2**31 - 1),
 }
+
+ALIASES = {"meters_per_unit": "scale"}  # earlier names of settings, still understood
 
 
 @dataclass(frozen=True)
@@ -128,7 +135,7 @@ def resolve(flags: dict[str, Value], scene_yaml: dict[object, object] | None = N
         where: name of that file for messages.
 
     Raises:
-        ConfigError: unknown key, wrong type or value out of bounds.
+        ConfigError: unknown key, wrong type, value out of bounds, or two scales.
     """
     known = options()
     from_yaml = {_known_name(key, known, where): value for key, value in (scene_yaml or {}).items()}
@@ -136,6 +143,10 @@ def resolve(flags: dict[str, Value], scene_yaml: dict[object, object] | None = N
     checked |= {name: convert(known[name], value, known[name].flag)
                 for name, value in flags.items()}
     preset = str(checked.get("preset", "standard"))
+    if None not in (checked.get("scale"), checked.get("known_length")):
+        raise ConfigError(f"{where} and flags: scale is {checked['scale']} and known_length is "
+                          f"{checked['known_length']}. Expected one of them, since either says how "
+                          "long a unit is; leave the other out.")
     return with_values(Config(), PRESETS[preset] | checked)
 
 
@@ -151,6 +162,7 @@ def with_values(config: Config, values: dict[str, Value]) -> Config:
 
 def _known_name(key: object, known: Mapping[str, Option], where: str) -> str:
     name = str(key).replace("-", "_")
+    name = ALIASES.get(name, name)
     if name in known:
         return name
     near = difflib.get_close_matches(name.lower(), known, n=1, cutoff=0.0)
@@ -193,6 +205,10 @@ def _convert(kind: object, value: object) -> tuple[Value, str]:
         return _finite(value), "a number"
     if kind is str:
         return value if isinstance(value, str) and value else None, "text"
+    if kind is Material:
+        known = str(value) if density_of(str(value)) is not None else None
+        return (known if not isinstance(value, bool) else None,
+                f"kg/m3 from {LIGHTEST:g} to {HEAVIEST:g}, or one of {', '.join(MATERIALS)}")
     if kind is list:
         return tuple(map(str, value)) if isinstance(value, list) else None, "words"
     parts = [_finite(v) for v in value] if isinstance(value, list | tuple) else []

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, NewType
 
 Preset = Literal["draft", "standard", "high"]
+Material = NewType("Material", str)  # a name or a number that `materials.density_of` knows
 
 
 @dataclass(frozen=True)
 class ReadConfig:
-    """What the readers may change or assume."""
+    """What the readers may change, and what photos do not show."""
 
     max_side: int = 512
     """longest image side in pixels; larger images are downscaled in memory"""
@@ -20,8 +21,12 @@ class ReadConfig:
     """masks are white on the background instead of on the object"""
     depth: bool = True
     """use depth images where the scene has them"""
-    meters_per_unit: float | None = None
+    scale: float | None = None
     """metres per scene unit, if known"""
+    known_length: float | None = None
+    """metres of the object's longest side in its more compact state, instead of a scale"""
+    material: Material | None = None
+    """what the object is made of: kg/m3 or a name such as hardwood; absent: 600 kg/m3"""
     up: tuple[float, float, float] | None = None
     """up direction of the scene's world as three numbers, if known"""
 
@@ -134,6 +139,16 @@ class MeshConfig:
     """gap between collision pieces of two parts, as a share of the object's size"""
     convex: bool = True
     """cut parts into convex collision pieces; off: one hull per part, hollows closed"""
+
+
+@dataclass(frozen=True)
+class TextureConfig:
+    """Pictures of the parts' surfaces."""
+
+    texture: bool = True
+    """bake the photos into a texture per part; off: one colour per part"""
+    texture_side: int = 1024
+    """longest side of a part's texture in pixels"""
 
 
 @dataclass(frozen=True)

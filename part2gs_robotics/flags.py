@@ -38,7 +38,8 @@ def _capture(name: str, kind: type, default: Value, doc: str) -> Option:
 # What each command does, its paths, the rooms whose settings it takes, and flags of its own.
 COMMANDS = {
     "build": Command("two-state photos in, MuJoCo-checked twin out", ("SCENE",),
-                     ("read", "fit", "stereo", "search", "articulate", "mesh", "check", "output")),
+                     ("read", "fit", "stereo", "search", "articulate", "mesh", "texture", "check",
+                      "output")),
     "check": Command("the simulator checks alone, on a twin folder or MJCF file", ("PATH",),
                      ("check",)),
     "capture": Command("render a two-state scene with ground truth from an MJCF or URDF model",
@@ -53,7 +54,7 @@ COMMANDS = {
                                  "be given for several joints, all others stay at rest"))),
 }
 ALWAYS = ("quiet", "verbose")
-SHORT = {"out": ["-o"]}
+SHORT = {"out": ["-o"], "scale": ["--meters-per-unit"]}  # further spellings
 EXIT_CODES = """exit codes: 0 built and all checks pass; 1 built or checked, but physics fails;
 2 bad usage or input; 3 internal error; 130 interrupted (the same command continues)"""
 

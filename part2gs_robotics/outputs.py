@@ -13,6 +13,7 @@ from part2gs_robotics import __version__
 from part2gs_robotics.config import Config, to_dict
 from part2gs_robotics.model.gaussians import Gaussians
 from part2gs_robotics.model.motion import Motion
+from part2gs_robotics.model.scale import ASSUMED
 from part2gs_robotics.model.scene import Scene, StateViews
 from part2gs_robotics.model.scene_frame import SceneFrame, gaussians_in_scene
 from part2gs_robotics.model.twin import Twin
@@ -131,9 +132,10 @@ def _summary(out: Path, twin: Twin, report: CheckReport) -> str:
             axis = " ".join(f"{x:+.3f}" for x in joint.axis)
             lines.append(f"{part.name}: {joint.kind}, axis {axis}, {value:+.4g} {unit} between the "
                          "states")
+    lines += [note for note in twin.notes if note.startswith(ASSUMED)]
     for row in report.results:
         if row.status not in ("pass", "skipped"):
             lines.append(f"{row.status}: {row.name} {row.subject} {row.detail}".rstrip())
     lines.append(f"checks {'pass' if report.ok else 'FAIL'}; {out}: scene.xml, twin.xml, "
-                 "twin.urdf, twin.yaml, report.html")
+                 "twin_actuated.xml, twin.urdf, twin.yaml, report.html")
     return "\n".join(lines) + "\n"

@@ -8,7 +8,10 @@ from importlib import resources
 from typing import Literal
 
 from part2gs_robotics.config import Config
+from part2gs_robotics.model.gaussians import Gaussians
+from part2gs_robotics.model.motion import Motion
 from part2gs_robotics.model.scene import Scene
+from part2gs_robotics.model.twin import Part
 
 TERMS = {"articulation": "articulation loss", "vector_field": "vector-field loss",
          "repel": "repel points", "velocity": "velocity loss", "contact": "contact loss"}
@@ -180,6 +183,34 @@ def _geometry(config: Config) -> tuple[PlanItem, ...]:
         PlanItem("convex decomposition", True, "decided per part: a convex part needs none",
                  "during") if config.mesh.convex else
         PlanItem("convex decomposition", False, "off by --no-convex: one hull per part"),
+        PlanItem("texture", config.texture.texture, "photos of both states, at most "
+                 f"{config.texture.texture_side} pixels a side and part"
+                 if config.texture.texture else "off by --no-texture: one colour per part"),
         PlanItem("simulator checks", True,
                  f"{config.check.sweep_values} joint values per joint, MuJoCo and exact geometry"),
     )
+
+
+def settle_plan(plan: Plan, gaussians: tuple[Gaussians, Gaussians], motion: Motion,
+                parts: tuple[Part, ...], paper: bool = False) -> Plan:
+    """Return the plan with the decisions that only measurements could make."""
+    glossy = [f"state {s}" for s, g in enumerate(gaussians) if g.shN.shape[1]]
+    if plan["view-dependent colour"].decided == "during":
+        reason = ("held-out views gain by it in " + " and ".join(glossy) if glossy
+                  else "held-out views gain nothing by it")
+        plan = plan.settle("view-dependent colour", bool(glossy), reason)
+    if plan["part competition"].decided == "during":
+        many = len(motion.joints) > 1
+        plan = plan.settle("part competition", many, f"{len(motion.joints)} moving parts found")
+    if plan["parts on parts"].decided == "during":
+        on = [f"part_{k + 1} on part_{p}" for k, p in enumerate(motion.parents) if p]
+        plan = plan.settle("parts on parts", bool(on), ", ".join(on) or "all hang on the base")
+    split = [part.name for part in parts if len(part.pieces) > 1]
+    whole = [part.name for part in parts if len(part.pieces) <= 1]
+    sentences = [f"{', '.join(names)} {fate}" for names, fate in
+                 ((split, "cut into convex pieces"), (whole, "already convex")) if names]
+    if plan["convex decomposition"].decided == "during":
+        plan = plan.settle("convex decomposition", bool(split), "; ".join(sentences))
+    pulled = sum(one.get("physics_kept", 0.0) for one in motion.diagnostics)
+    points = sum(one.get("repel_points", 0.0) for one in motion.diagnostics)
+    return plan.settle_terms(len(motion.joints), round(pulled), round(points), paper)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from part2gs_robotics.model.gaussians import Gaussians
 from part2gs_robotics.model.joint import Joint
 from part2gs_robotics.model.motion import Motion
-from part2gs_robotics.model.twin import Part, PartMesh
+from part2gs_robotics.model.twin import Part, PartMesh, Texture
 from part2gs_robotics.runtime.store import Arrays, Saved
 
 Curve = tuple[tuple[float, float], ...]
@@ -91,6 +91,20 @@ def load_parts(saved: Saved) -> tuple[Part, ...]:
                           (low, high), data["limits_source"], data["num_gaussians"],
                           data["diagnostics"]))
     return tuple(parts)
+
+
+def save_textures(textures: tuple[Texture, ...]) -> Saved:
+    """Return uv and image of every part's texture."""
+    arrays: Arrays = {f"{index}_{name}": getattr(texture, name)
+                      for index, texture in enumerate(textures) for name in ("uv", "image")}
+    return Saved(arrays, {"count": len(textures)})
+
+
+def load_textures(saved: Saved) -> tuple[Texture, ...]:
+    """Undo `save_textures`."""
+    arrays = cast("dict[str, Any]", saved.arrays)
+    return tuple(Texture(arrays[f"{index}_uv"], arrays[f"{index}_image"])
+                 for index in range(cast(int, saved.data["count"])))
 
 
 def _mesh(arrays: Arrays, prefix: str, synthesised: float) -> PartMesh:

@@ -9,8 +9,9 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from part2gs_robotics.sim_checks.driven import DrivenJoint
 from part2gs_robotics.sim_checks.interpenetration import LIMIT, Poser, Swept, sweep
-from part2gs_robotics.sim_checks.subject import DrivenJoint, Subject
+from part2gs_robotics.sim_checks.subject import Subject
 
 STATE = "state_1"
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Collection
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from part2gs_robotics.errors import CheckError
@@ -14,8 +14,11 @@ from part2gs_robotics.sim_checks.model_files import check_model_files
 from part2gs_robotics.sim_checks.result import CheckReport, CheckResult, Curve, passed
 from part2gs_robotics.sim_checks.subject import Subject
 
-GROUPS = ("compile", "mesh", "inertia", "limits", "states", "actuation", "overlap", "stability")
-TWIN_FILES = ("twin.xml", "scene.xml", "twin.urdf")
+GROUPS = ("compile", "mesh", "inertia", "limits", "states", "actuation", "overlap", "stability",
+          "passive")  # fmt: skip
+SLOW = {"stability", "passive"}  # groups that a quick check leaves out
+ACTUATED, WORLD = "twin_actuated.xml", "scene.xml"
+TWIN_FILES = ("twin.xml", ACTUATED, WORLD, "twin.urdf")
 QUICK_STEPS, QUICK_POSES = 7, 8  # a third and an eighth of what a full check looks at
 WORDS = {  # the engine's message, and what to do about it
     "coplanar": "a collision piece is flat; give it thickness or drop it",
@@ -23,6 +26,24 @@ WORDS = {  # the engine's message, and what to do about it
     "A + B >= C": "an inertia tensor is not that of a body; recompute it from a closed mesh",
     "mjMINVAL": "a moving body has no mass; add an <inertial> or larger geometry",
 }
+
+
+@dataclass(frozen=True)
+class Models:
+    """What is under test.
+
+    Attributes:
+        still: whose shapes, masses, limits and states are looked at; passive in a twin folder.
+        driven: the same with motors; `still` itself for a single file and folders of one twin.xml.
+    """
+
+    still: Subject
+    driven: Subject
+
+    @property
+    def passive(self) -> bool:
+        """True when `still` is meant to be without motors."""
+        return self.still is not self.driven
 
 
 def check(
@@ -33,7 +54,7 @@ def check(
     Args:
         path: folder with twin.xml, or a model file. Everything it names must lie in its folder.
         steps: positions per joint of the overlap sweep.
-        quick: fewer positions and no stability rows.
+        quick: fewer positions, no stability and no passive rows.
         only: names of the groups to run (GROUPS); None = all.
 
     Raises:
@@ -52,13 +73,12 @@ def check(
     with engine_messages() as messages:
         # the engine keeps meshes by name and second of change: a file rewritten at once is stale
         mujoco.mj_clearCache(mujoco.mj_getCache())
-        results, subject = _compile(files, messages)
+        results, models = _compile(files, messages)
         report = CheckReport(str(path), engine, tuple(results))
         messages.clear()
-        if subject is not None:
-            twin = folder is not None
+        if models is not None:
             steps, poses = (QUICK_STEPS, QUICK_POSES) if quick else (steps, 64)
-            report = _run(report, subject, summary, wanted, steps, poses, twin)
+            report = _run(report, models, summary, wanted, (steps, poses), folder is not None)
     # Sorted: which simulation speaks first is chance.
     said = tuple(f"the engine warned: {line}" for line in sorted(distinct(messages)))
     return replace(report, notes=report.notes + said, seconds=time.perf_counter() - began)
@@ -68,7 +88,7 @@ def _wanted(only: Collection[str] | None, quick: bool) -> set[str]:
     names = set(GROUPS if only is None else only)
     if unknown := sorted(names - set(GROUPS)):
         raise CheckError(f"unknown check {unknown[0]!r}. Available: {', '.join(GROUPS)}.")
-    return names - {"stability"} if quick and only is None else names
+    return names - SLOW if quick and only is None else names
 
 
 def _files(path: Path) -> tuple[Path | None, list[Path], TwinSummary | None]:
@@ -88,29 +108,54 @@ def _files(path: Path) -> tuple[Path | None, list[Path], TwinSummary | None]:
     return None, [path], None
 
 
-def _compile(files: list[Path], messages: list[str]) -> tuple[list[CheckResult], Subject | None]:
-    """Compile every file; the first one is the subject of all other checks."""
-    from part2gs_robotics.sim_checks.subject import load_spec, make_subject
+def _compile(files: list[Path], messages: list[str]) -> tuple[list[CheckResult], Models | None]:
+    """Compile every file; the first one is the subject, its servos those of twin_actuated.xml.
 
-    rows: list[CheckResult] = []
-    subject = None
-    for i, file in enumerate(files):
+    A twin holds no options of its own: those of scene.xml count for all files of a folder.
+    """
+    from part2gs_robotics.sim_checks.subject import actuated_twin, load_spec, make_subject
+
+    rows: dict[str, CheckResult] = {}
+    subjects: dict[str, Subject] = {}
+    names, options = [f.name for f in files], None
+    for file in sorted(files, key=lambda f: len(files) > 1 and f.name != WORLD):
         check_model_files(file)
         messages.clear()
         try:
-            if i == 0:
-                subject = make_subject(file)
+            if file == files[0]:
+                found = make_subject(file, options, servos=ACTUATED not in names)
+                subjects[file.name] = found
+                if found.model.nbody == 1 and not found.model.ngeom:
+                    messages.append("the model is empty")
+            elif file.name == ACTUATED and names[0] in subjects:
+                subjects[ACTUATED] = actuated_twin(subjects[names[0]], file, options)
             else:
-                load_spec(file)[0].compile()
+                world = load_spec(file)[0].compile()
+                options = world.opt if file.name == WORLD and ACTUATED in names else options
         except ValueError as error:
-            rows.append(CheckResult("compile", file.name, "fail", detail=_plain_words(str(error))))
+            said = _plain_words(str(error))
+            rows[file.name] = CheckResult("compile", file.name, "fail", detail=said)
             continue
-        if subject is not None and subject.model.nbody == 1 and not subject.model.ngeom:
-            messages.append("the model is empty")
         said = "; ".join(distinct(messages))
-        status = passed(not said)
-        rows.append(CheckResult("compile", file.name, status, detail=said or "no warning"))
-    return rows, subject
+        status, said = passed(not said), said or "no warning"
+        rows[file.name] = CheckResult("compile", file.name, status, detail=said)
+    still = subjects.get(names[0])
+    results = [rows[name] for name in names]
+    if still is None or (ACTUATED in names and ACTUATED not in subjects):
+        return results, None
+    driven = subjects.get(ACTUATED, still)
+    return [*results, *_same(still, driven)], Models(still, driven)
+
+
+def _same(still: Subject, driven: Subject) -> list[CheckResult]:
+    """Return whether both twins of a folder are one, but for the servos."""
+    from part2gs_robotics.sim_checks.subject import difference
+
+    if still is driven:
+        return []
+    found = difference(still.model, driven.model)
+    detail = f"differs from twin.xml in {found}" if found else "as twin.xml, with servos"
+    return [CheckResult("same twin", ACTUATED, passed(not found), detail=detail)]
 
 
 def _plain_words(message: str) -> str:
@@ -119,43 +164,50 @@ def _plain_words(message: str) -> str:
     return f"{line} ({hints[0]})" if hints else line
 
 
-def _run(report: CheckReport, subject: Subject, summary: TwinSummary | None, wanted: set[str],
-         steps: int, poses: int, twin: bool) -> CheckReport:
+def _run(report: CheckReport, models: Models, summary: TwinSummary | None, wanted: set[str],
+         counts: tuple[int, int], twin: bool) -> CheckReport:
+    """Return the report with the rows of all wanted groups; counts: positions and random poses."""
     from part2gs_robotics.sim_checks import static
     from part2gs_robotics.sim_checks.actuation import check_actuation
     from part2gs_robotics.sim_checks.interpenetration import check_interpenetration
     from part2gs_robotics.sim_checks.order import in_order
+    from part2gs_robotics.sim_checks.passive import check_passive
     from part2gs_robotics.sim_checks.self_intersection import check_self_intersections, warnings_of
     from part2gs_robotics.sim_checks.stability import check_stability
 
+    still, driven = models.still, models.driven
     rows, curves = list(report.results), list[Curve]()
-    rows += static.check_meshes(subject) if "mesh" in wanted else []
-    rows += check_self_intersections(subject) if "mesh" in wanted else []
-    rows += static.check_inertia(subject) if "inertia" in wanted else []
-    rows += static.check_limits(subject) if "limits" in wanted else []
-    rows += static.check_states(subject, twin) if "states" in wanted else []
-    driven = wanted & {"actuation", "overlap", "stability"}
-    subject, sweeps = in_order(subject, steps) if driven else (subject, {})
-    rows += check_actuation(subject) if "actuation" in wanted else []
+    rows += static.check_meshes(still) if "mesh" in wanted else []
+    rows += check_self_intersections(still) if "mesh" in wanted else []
+    rows += static.check_inertia(still) if "inertia" in wanted else []
+    rows += static.check_limits(still) if "limits" in wanted else []
+    rows += static.check_states(still, twin) if "states" in wanted else []
+    moved = wanted & {"actuation", "overlap", "stability", "passive"}
+    still, sweeps = in_order(still, counts[0]) if moved else (still, {})
+    driven = replace(driven, around=still.around)
+    rows += check_actuation(driven) if "actuation" in wanted else []
     if "overlap" in wanted:
-        found, curves = check_interpenetration(subject, sweeps, poses)
+        found, curves = check_interpenetration(still, sweeps, counts[1])
         rows += found
     stuck = {r.subject for r in rows if r.name == "reach" and r.status == "fail"}
-    rows += check_stability(subject, stuck) if "stability" in wanted else []
+    rows += check_stability(driven, stuck) if "stability" in wanted else []
+    rows += check_passive(still) if "passive" in wanted and models.passive else []
     return CheckReport(
         report.path,
         report.engine,
         tuple(rows),
-        tuple(j.name for j in subject.joints),
+        tuple(j.name for j in still.joints),
         tuple(curves),
-        tuple(static.losses_table(subject, summary, rows)),
-        tuple(static.pieces_table(subject)) if "overlap" in wanted else (),
-        (*_notes(subject, wanted), *warnings_of(rows)),
-        size=subject.size,
+        tuple(static.losses_table(still, summary, rows)),
+        tuple(static.pieces_table(still)) if "overlap" in wanted else (),
+        (*_notes(still, models.passive, wanted), *warnings_of(rows)),
+        size=still.size,
     )
 
 
-def _notes(subject: Subject, wanted: set[str]) -> tuple[str, ...]:
+def _notes(subject: Subject, passive: bool, wanted: set[str]) -> tuple[str, ...]:
     left_out = [g for g in GROUPS if g not in wanted and g != "compile"]
-    return ("base fixed, parent-child contacts not filtered, automatic reset off", *subject.notes,
+    motors = f"servos of {ACTUATED}, options of {WORLD}; everything else of twin.xml"
+    return ("base fixed, parent-child contacts not filtered, automatic reset off",
+            *((motors,) if passive else ()), *subject.notes,
             *((f"not run: {', '.join(left_out)}",) if left_out else ()))

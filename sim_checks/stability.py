@@ -11,8 +11,9 @@ import numpy as np
 
 from part2gs_robotics.runtime.threads import in_threads
 from part2gs_robotics.sim_checks.actuation import HIGH, LOW, MAX_STEPS, start, warnings_of
+from part2gs_robotics.sim_checks.driven import DrivenJoint
 from part2gs_robotics.sim_checks.result import CheckResult, row
-from part2gs_robotics.sim_checks.subject import DrivenJoint, Subject
+from part2gs_robotics.sim_checks.subject import Subject
 
 Run = tuple[int, float]  # what the time step is divided and the gain multiplied by
 SAME_END = 0.01  # of the range

@@ -10,49 +10,15 @@ import numpy as np
 
 from part2gs_robotics.model.arrays import F64
 from part2gs_robotics.model.twin import PartMesh
+from part2gs_robotics.sim_checks.driven import DrivenJoint, driven_joints, followers_of, is_simple
 from part2gs_robotics.sim_checks.geometry import body_meshes, body_solid, lighter
+from part2gs_robotics.sim_checks.servos import add_servos
 
 if TYPE_CHECKING:
     import mujoco
     from manifold3d import Manifold
 
 SWEEP_TOLERANCE = 2e-4  # of the size: simplification of dense bodies, a tenth of the overlap limit
-SERVO_FREQUENCY = 30.0  # rad/s of a servo added to a model that has none
-OURS = "check_servo_"  # name of such a servo
-STIFFEST = 0.4  # frequency x step of such a servo: stable with every integrator
-SAG = 0.004  # of the range: droop under gravity such a servo may have
-TURN = (-np.pi, np.pi)  # range driven when a hinge declares none
-
-
-@dataclass(frozen=True)
-class DrivenJoint:
-    """One joint under test.
-
-    Attributes:
-        name.  index: joint id.  qpos, dof: addresses.  hinge: else slide.  low, high: range.
-        servo: actuator id.  ours: added by the check.  moved: bodies it carries.
-    """
-
-    name: str
-    index: int
-    qpos: int
-    dof: int
-    hinge: bool
-    low: float
-    high: float
-    servo: int
-    ours: bool
-    moved: frozenset[int]
-
-    @property
-    def span(self) -> float:
-        """Width of the range."""
-        return self.high - self.low
-
-    @property
-    def unit(self) -> str:
-        """Unit of the joint position."""
-        return "rad" if self.hinge else "units"
 
 
 @dataclass(frozen=True)
@@ -108,28 +74,78 @@ def load_spec(path: Path) -> tuple[mujoco.MjSpec, tuple[str, ...]]:
     return spec, (f"{len(free)} free joint(s) fixed to the world",) if free else ()
 
 
-def make_subject(path: Path) -> Subject:
+def make_subject(
+    path: Path, options: mujoco.MjOption | None = None, *, servos: bool = True
+) -> Subject:
     """Compile a confined model file and collect everything the checks look at.
+
+    Args:
+        path: MJCF or URDF file.
+        options: those of the world it is meant for; None = its own.
+        servos: add one to every joint that has none.
 
     Raises:
         ValueError: MuJoCo's own message, if it does not compile.
     """
-    import mujoco
-
     spec, notes = load_spec(path)
-    first = spec.compile()
-    added = _add_servos(spec, first)
-    model = spec.compile() if added else first
-    model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_FILTERPARENT)
-    model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
+    model = _prepared(spec, options)
+    added = add_servos(spec, model) if servos else []
     if added:
+        model = _prepared(spec, options)
         notes += (f"servos added to joints without one: {', '.join(added)}",)
     if model.nexclude:
         notes += (f"{model.nexclude} body pair(s) excluded from contact by the model",)
-    skipped = [model.joint(j).name for j in range(model.njnt) if not _simple(model, j)]
+    skipped = [model.joint(j).name for j in range(model.njnt) if not is_simple(model, j)]
     if skipped:
         notes += (f"ball joints are not driven: {', '.join(skipped)}",)
     return _geometry(model, notes)
+
+
+def actuated_twin(passive: Subject, path: Path, options: mujoco.MjOption | None) -> Subject:
+    """Return the same bodies with the servos of another file; solids are not made again.
+
+    Raises:
+        ValueError: MuJoCo's own message, if it does not compile.
+    """
+    model = _prepared(load_spec(path)[0], options)
+    if difference(passive.model, model):
+        return make_subject(path, options)
+    return replace(passive, model=model, joints=driven_joints(model), states=_states(model))
+
+
+SAME = (  # what must agree: kinematics, masses, passive forces, shapes, observed states
+    "body_parentid", "body_pos", "body_quat", "body_mass", "body_ipos", "body_iquat",
+    "body_inertia", "jnt_type", "jnt_bodyid", "jnt_pos", "jnt_axis", "jnt_range", "dof_damping",
+    "dof_frictionloss", "dof_armature", "geom_type", "geom_bodyid", "geom_pos", "geom_quat",
+    "geom_size", "geom_contype", "mesh_vert", "mesh_face", "eq_data", "key_qpos",
+)  # fmt: skip
+
+
+def difference(one: mujoco.MjModel, two: mujoco.MjModel) -> str:
+    """Return the first of SAME in which two models differ, "" if they are one but for servos."""
+    for name in SAME:
+        if not np.array_equal(getattr(one, name), getattr(two, name)):
+            return name
+    names = [[m.joint(j).name for j in range(m.njnt)] for m in (one, two)]
+    return "" if names[0] == names[1] else "names of joints"
+
+
+def _prepared(spec: mujoco.MjSpec, options: mujoco.MjOption | None) -> mujoco.MjModel:
+    """Compile with options of a world, parent filter and automatic reset off."""
+    import mujoco
+
+    model = spec.compile()
+    if options is not None:
+        for name in dir(options):
+            if not name.startswith("_"):
+                setattr(model.opt, name, getattr(options, name))
+    model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_FILTERPARENT)
+    model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
+    return model
+
+
+def _states(model: mujoco.MjModel) -> dict[str, F64]:
+    return {model.key(k).name: np.array(model.key_qpos[k]) for k in range(model.nkey)}
 
 
 def _geometry(model: mujoco.MjModel, notes: tuple[str, ...]) -> Subject:
@@ -143,7 +159,7 @@ def _geometry(model: mujoco.MjModel, notes: tuple[str, ...]) -> Subject:
         meshes,
         solids,
         float("nan"),
-        {model.key(k).name: np.array(model.key_qpos[k]) for k in range(model.nkey)},
+        _states(model),
         notes,
     )
     size = _size(subject)
@@ -172,114 +188,3 @@ def _size(subject: Subject) -> float:
         low = np.minimum(low, placed.min(0) + data.xpos[body])
         high = np.maximum(high, placed.max(0) + data.xpos[body])
     return float(np.linalg.norm(high - low)) if subject.meshes else float("nan")
-
-
-def _simple(model: mujoco.MjModel, joint: int) -> bool:
-    import mujoco
-
-    kinds = (int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE))
-    return int(model.jnt_type[joint]) in kinds
-
-
-def followers_of(model: mujoco.MjModel) -> tuple[tuple[int, int, F64], ...]:
-    """Return (follower qpos, leader qpos, polynomial) of every joint coupling."""
-    import mujoco
-
-    out = []
-    for e in range(model.neq):
-        coupled = int(model.eq_type[e]) == int(mujoco.mjtEq.mjEQ_JOINT)
-        if coupled and model.eq_active0[e] and model.eq_obj2id[e] >= 0:
-            follower, leader = (
-                int(model.jnt_qposadr[i]) for i in (model.eq_obj1id[e], model.eq_obj2id[e])
-            )
-            out.append((follower, leader, np.array(model.eq_data[e, :5])))
-    return tuple(out)
-
-
-def driven_joints(model: mujoco.MjModel) -> tuple[DrivenJoint, ...]:
-    """Return every hinge and slide that does not merely follow another one."""
-    import mujoco
-
-    following = {f for f, _, _ in followers_of(model)}
-    out = []
-    for j in range(model.njnt):
-        address = int(model.jnt_qposadr[j])
-        if not _simple(model, j) or address in following:
-            continue
-        low, high = model.jnt_range[j] if model.jnt_limited[j] else TURN
-        hinge = int(model.jnt_type[j]) == int(mujoco.mjtJoint.mjJNT_HINGE)
-        servo = servo_of(model, j)
-        out.append(
-            DrivenJoint(
-                model.joint(j).name or f"joint {j}",
-                j,
-                address,
-                int(model.jnt_dofadr[j]),
-                hinge,
-                float(low),
-                float(high),
-                servo,
-                servo >= 0 and model.actuator(servo).name.startswith(OURS),
-                _carried(model, int(model.jnt_bodyid[j])),
-            )
-        )
-    return tuple(out)
-
-
-def servo_of(model: mujoco.MjModel, joint: int) -> int:
-    """Return the id of the position servo of a joint, -1 if it has none."""
-    import mujoco
-
-    kind, affine = int(mujoco.mjtTrn.mjTRN_JOINT), int(mujoco.mjtBias.mjBIAS_AFFINE)
-    for a in range(model.nu):
-        on_joint = int(model.actuator_trntype[a]) == kind and model.actuator_trnid[a, 0] == joint
-        servo = int(model.actuator_biastype[a]) == affine and model.actuator_biasprm[a, 1] < 0
-        if on_joint and servo:
-            return a
-    return -1
-
-
-def _carried(model: mujoco.MjModel, body: int) -> frozenset[int]:
-    moved = {body}
-    for b in range(body + 1, model.nbody):  # parents come before children
-        if int(model.body_parentid[b]) in moved:
-            moved.add(b)
-    return frozenset(moved)
-
-
-def _add_servos(spec: mujoco.MjSpec, model: mujoco.MjModel) -> list[str]:
-    """Add a critically damped position servo to every driven joint without one."""
-    import mujoco
-
-    added = []
-    for joint in driven_joints(model):
-        if joint.servo >= 0 or not model.joint(joint.index).name:
-            continue
-        mass = max(float(_joint_mass(model)[joint.dof]), 1e-12)
-        kp = max(mass * SERVO_FREQUENCY**2, _load(model, joint) / (SAG * max(joint.span, 1e-9)))
-        kp = min(kp, mass * (STIFFEST / model.opt.timestep) ** 2)
-        servo = spec.add_actuator(
-            name=OURS + joint.name, target=joint.name, trntype=mujoco.mjtTrn.mjTRN_JOINT
-        )
-        servo.gaintype, servo.biastype = mujoco.mjtGain.mjGAIN_FIXED, mujoco.mjtBias.mjBIAS_AFFINE
-        gain, bias = np.zeros(len(servo.gainprm)), np.zeros(len(servo.biasprm))
-        gain[0], bias[1:3] = kp, (-kp, -2 * np.sqrt(kp * mass))
-        servo.gainprm, servo.biasprm = gain, bias
-        added.append(joint.name)
-    return added
-
-
-def _joint_mass(model: mujoco.MjModel) -> F64:
-    return np.array(model.dof_M0) + 0.0
-
-
-def _load(model: mujoco.MjModel, joint: DrivenJoint) -> float:
-    """Return the largest force gravity puts on a joint along its range."""
-    import mujoco
-
-    data, load = mujoco.MjData(model), 0.0
-    for q in np.linspace(joint.low, joint.high, 9):
-        data.qpos[joint.qpos] = q
-        mujoco.mj_forward(model, data)
-        load = max(load, abs(float(data.qfrc_bias[joint.dof])))
-    return load

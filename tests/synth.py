@@ -45,6 +45,23 @@ def toy_cabinet_twin(moving: int = 2, *, clearance: float = 0.003, refine: float
     return Twin("toy_cabinet", parts, meters_per_unit=1.0, up=np.array([0.0, 0.0, 1.0]))
 
 
+def scaled(twin: Twin, factor: float) -> Twin:
+    """Return the same object in a unit `factor` times smaller."""
+    parts = []
+    for part in twin.parts:
+        joint, limits = part.joint, part.limits
+        if joint is not None:
+            slide = factor if joint.kind == "prismatic" else 1.0
+            joint = replace(joint, origin=joint.origin * factor,
+                                        value=joint.value * slide, pitch=joint.pitch * factor)
+            limits = (limits[0] * slide, limits[1] * slide)
+        mesh = replace(part.mesh, vertices=part.mesh.vertices * factor)
+        pieces = tuple(replace(p, vertices=p.vertices * factor) for p in part.pieces)
+        parts.append(replace(part, mesh=mesh, pieces=pieces, joint=joint,
+                                         limits=limits))
+    return replace(twin, parts=tuple(parts), meters_per_unit=1 / factor)
+
+
 def union_part(
     name: str,
     parent: int,

@@ -11,18 +11,33 @@ from part2gs_robotics.model.joint import Joint
 
 
 @dataclass(frozen=True)
+class Texture:
+    """Picture of a part's surface.
+
+    Attributes:
+        uv: [F, 3, 2] place of every face's corners in the image, 0..1 from its lower left corner.
+        image: [H, W, 3] uint8 RGB, top row first.
+    """
+
+    uv: NDArray[np.float32]
+    image: NDArray[np.uint8]
+
+
+@dataclass(frozen=True)
 class PartMesh:
     """Closed surface of one part, in the world frame at state 0, scene units.
 
     Attributes:
         vertices: [V, 3].  faces: [F, 3] outward.  colors: [V, 3] uint8.
         synthesised: share of the surface area nobody saw, 0..1.
+        texture: what its faces look like; None = the colours of the vertices.
     """
 
     vertices: NDArray[np.float64]
     faces: NDArray[np.int64]
     colors: NDArray[np.uint8]
     synthesised: float = 0.0
+    texture: Texture | None = None
 
 
 @dataclass(frozen=True)
@@ -61,6 +76,9 @@ class Twin:
         up: [3] unit, None = unknown (exporters then assume +z and say so).
         notes: fallbacks and assumptions, one sentence each.
         assumed_meters: metres per unit that masses and gravity take when nobody knows them.
+        scale_note: who says `meters_per_unit`, for people.
+        material: name or kg/m3 as given (`materials.density_of`); None = unknown (exporters then
+            take `materials.DEFAULT` and say so).
     """
 
     name: str
@@ -69,3 +87,10 @@ class Twin:
     up: NDArray[np.float64] | None = None
     notes: tuple[str, ...] = ()
     assumed_meters: float = 1.0
+    scale_note: str = "given"
+    material: str | None = None
+
+    @property
+    def meters(self) -> float:
+        """Metres per scene unit that masses and gravity take, known or assumed."""
+        return self.meters_per_unit or self.assumed_meters

@@ -57,7 +57,7 @@ def read_scene(path: Path, config: ReadConfig) -> Scene:
             check_depth(state, f"{path}: state {index}")
     notes += validate.check_frames(states, str(path))
     up = None if config.up is None else np.array(config.up) / np.linalg.norm(config.up)
-    return Scene(path, layout, states, config.meters_per_unit, up, notes)
+    return Scene(path, layout, states, config.scale, up, notes)
 
 
 def read_cameras(path: Path, config: ReadConfig) -> tuple[str, States]:

@@ -16,22 +16,25 @@ import pytest
 from synth import toy_cabinet_twin
 from synth_photos import write_ball_scene
 
-from part2gs_robotics.build import output_folder, settle_plan
+from part2gs_robotics.build import output_folder
 from part2gs_robotics.config import Config, ReadConfig, resolve
 from part2gs_robotics.errors import StoreError
 from part2gs_robotics.model.gaussians import Gaussians
 from part2gs_robotics.model.joint import Joint
 from part2gs_robotics.model.motion import Motion
-from part2gs_robotics.plan import make_plan
+from part2gs_robotics.model.twin import Texture
+from part2gs_robotics.plan import make_plan, settle_plan
 from part2gs_robotics.readers.read_scene import read_scene
 from part2gs_robotics.runtime.store import Saved, read_stage, write_stage
 from part2gs_robotics.stages import (
     load_built,
     load_fit,
     load_motion,
+    load_textures,
     save_built,
     save_fit,
     save_motion,
+    save_textures,
 )
 
 
@@ -87,6 +90,13 @@ def test_motion_survives_the_store(tmp_path: Path) -> None:
 def test_parts_survive_the_store(tmp_path: Path) -> None:
     built = motion(2, ("a note",)), toy_cabinet_twin().parts
     assert equal(load_built(through_disk(save_built(built), tmp_path)), built)
+
+
+def test_textures_survive_the_store(tmp_path: Path) -> None:
+    rng = np.random.default_rng(0)
+    textures = tuple(Texture(rng.random((n, 3, 2)).astype(np.float32),
+                             rng.integers(0, 256, (n, 7, 3)).astype(np.uint8)) for n in (4, 9))
+    assert equal(load_textures(through_disk(save_textures(textures), tmp_path)), textures)
 
 
 def test_output_is_beside_the_scene_and_never_in_it(tmp_path: Path) -> None:

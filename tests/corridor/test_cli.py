@@ -32,6 +32,8 @@ def test_only_given_flags_are_passed_on() -> None:
     assert parse("build s --up 0 -1 0".split()).flags == {"up": (0.0, -1.0, 0.0)}
     assert parse("capture m.xml s --depth --views 32".split()).flags == {"depth": True, "views": 32}
     assert parse("build s --seed 3 --max-side 99".split()).flags == {"seed": 3, "max_side": 99}
+    assert parse("build s --meters-per-unit 0.5".split()).flags == {"scale": 0.5}
+    assert parse("build s --material 650".split()).flags == {"material": "650"}
 
 
 def test_a_flag_that_repeats_keeps_every_value_and_any_other_its_last() -> None:

@@ -73,8 +73,9 @@ def test_unknown_key_names_the_nearest(key: object, nearest: str) -> None:
 @pytest.mark.parametrize(("name", "value"), [
     ("parts", 0), ("parts", 65), ("parts", 1.0), ("parts", True), ("parts", "2"), ("parts", [2]),
     ("up", [0, 0]), ("up", [0, 0, 0]), ("up", [0, 0, float("nan")]), ("up", "z"),
-    ("up", [0, 0, True]), ("meters_per_unit", 0), ("meters_per_unit", float("inf")),
-    ("meters_per_unit", 10**400), ("depth", 1), ("depth", "yes"), ("preset", "best"),
+    ("up", [0, 0, True]), ("scale", 0), ("scale", float("inf")),
+    ("known_length", 10**400), ("material", "cheese"), ("material", True), ("material", 0),
+    ("depth", 1), ("depth", "yes"), ("preset", "best"),
     ("preset", ["draft"]), ("seed", -1), ("seed", None), ("out", ""), ("max_side", {}),
 ])
 def test_wrong_values_are_refused(name: str, value: object) -> None:
@@ -83,7 +84,8 @@ def test_wrong_values_are_refused(name: str, value: object) -> None:
 
 
 @pytest.mark.parametrize(("name", "value", "want"), [
-    ("parts", None, None), ("up", [0, 1, 0], (0.0, 1.0, 0.0)), ("meters_per_unit", 1, 1.0),
+    ("parts", None, None), ("up", [0, 1, 0], (0.0, 1.0, 0.0)), ("scale", 1, 1.0),
+    ("material", 712, "712"), ("material", "steel", "steel"),
     ("depth", False, False), ("preset", "high", "high"),
 ])
 def test_right_values_are_converted(name: str, value: object, want: Value) -> None:
@@ -104,3 +106,10 @@ def test_settings_load_nothing_heavy() -> None:
             "sys.exit(', '.join(heavy & set(sys.modules)) or 0)")
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
+
+
+def test_scale_keeps_its_earlier_name_and_is_said_once() -> None:
+    assert resolve({}, {"meters_per_unit": 0.5}).read.scale == 0.5
+    assert resolve({"scale": 2.0}, {"meters_per_unit": 0.5}).read.scale == 2.0
+    with pytest.raises(ConfigError, match=r"scale is 2\.0 and known_length is 1\.8"):
+        resolve({"known_length": 1.8}, {"scale": 2.0})

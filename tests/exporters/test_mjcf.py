@@ -104,6 +104,7 @@ def test_groups_contacts_and_options(tmp_path: Path) -> None:
     assert (model.geom_solref[:, 0] > 0).all()
     assert (model.dof_armature > 0).all()
     assert (model.dof_damping > 0).all()
+    assert (model.dof_frictionloss > 0).all()
 
 
 def test_ground_lies_below_everything_along_up(tmp_path: Path) -> None:
@@ -121,7 +122,7 @@ def test_ground_lies_below_everything_along_up(tmp_path: Path) -> None:
 
 def test_unit_scale_enters_gravity_and_mass(tmp_path: Path) -> None:
     twin = dataclasses.replace(toy_cabinet_twin(1), meters_per_unit=0.1)
-    model = load(twin, tmp_path)
+    model = load(twin, tmp_path, "scene.xml")
     assert model.opt.gravity[2] == pytest.approx(-98.1)
     assert model.body("base").mass[0] == pytest.approx(22.3208352e-3, rel=1e-9)
 

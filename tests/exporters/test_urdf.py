@@ -88,7 +88,9 @@ def test_masses_limits_and_dynamics_agree(folder: Path) -> None:
         name = mjcf.joint(j).name
         if not name.endswith("_slide"):
             np.testing.assert_allclose(urdf.joint(name).range, mjcf.joint(name).range)
-            assert urdf.joint(name).damping[0] == pytest.approx(mjcf.joint(name).damping[0])
+            for key in ("damping", "frictionloss"):
+                want = getattr(mjcf.joint(name), key)[0]
+                assert getattr(urdf.joint(name), key)[0] == pytest.approx(want)
 
 
 def test_mesh_names_are_bare_and_beside_the_file(folder: Path) -> None:
@@ -105,3 +107,21 @@ def test_fixed_joint(tmp_path: Path) -> None:
     write_urdf(dataclasses.replace(twin, parts=(twin.parts[0], part)), tmp_path)
     model = mujoco.MjModel.from_xml_path(str(tmp_path / "twin.urdf"))
     assert model.njnt == 0
+
+
+def test_root_is_a_massless_world_to_which_the_base_is_fixed(folder: Path) -> None:
+    root = ET.parse(folder / "twin.urdf").getroot()
+    joints = {j.find("child").get("link"): j for j in root.iter("joint")}
+    (top,) = [link for link in root.iter("link") if link.get("name") not in joints]
+    assert (top.get("name"), len(top)) == ("world", 0)
+    assert joints["base"].get("type") == "fixed"
+    assert joints["base"].find("parent").get("link") == "world"
+    heavy = [link for link in root.iter("link") if link is not top]
+    assert all(float(link.find("inertial/mass").get("value")) > 0 for link in heavy)
+
+
+def test_the_world_stays_where_it_is(folder: Path) -> None:
+    model = mujoco.MjModel.from_xml_path(str(folder / "twin.urdf"))
+    assert model.body("base").parentid[0] == 0
+    assert model.body("base").weldid[0] == 0
+    assert mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_JOINT, "world_joint") == -1

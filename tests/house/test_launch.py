@@ -15,6 +15,9 @@ from typing import Any
 
 import pytest
 import yaml
+from synth import toy_cabinet_twin
+
+from part2gs_robotics.exporters.urdf import write_urdf
 
 ROOT = Path(__file__).resolve().parents[2]
 URDF = """<?xml version="1.0"?>
@@ -142,6 +145,22 @@ def test_display_publishes_the_urdf_with_uris_that_rviz_finds(urdf: Path) -> Non
     names = [m.get("filename") for m in ET.fromstring(value.args[0]).iter("mesh")]
     uris = [(urdf.parent / name).as_uri() for name in ("base.obj", "base_piece_00.stl")]
     assert names == [*uris, "package://other/a.stl", "file:///tmp/b.stl"]
+
+
+@pytest.mark.usefixtures("stubs")
+def test_display_publishes_an_exported_twin_on_its_world_link(tmp_path: Path) -> None:
+    write_urdf(toy_cabinet_twin(2), tmp_path)
+    module = load(ROOT / "launch/display.launch.py")
+    description = module.generate_launch_description()
+    nodes = by_package(started(description, model=str(tmp_path / "twin.urdf")))
+    value = nodes["robot_state_publisher"].kwargs["parameters"][0]["robot_description"]
+    robot = ET.fromstring(value.args[0])
+    children = {c.get("link") for c in robot.findall("joint/child")}
+    assert {one.get("name") for one in robot.findall("link")} - children == {"world"}
+    assert all((tmp_path / Path(m.get("filename", "")).name).as_uri() == m.get("filename")
+               for m in robot.iter("mesh"))
+    settings = yaml.safe_load((ROOT / "launch/twin.rviz").read_text())["Visualization Manager"]
+    assert settings["Global Options"]["Fixed Frame"] in children
 
 
 @pytest.mark.usefixtures("stubs")

@@ -224,7 +224,7 @@ def test_every_truncated_header_is_refused(tmp_path: Path) -> None:
 
 
 def test_units_and_up_are_kept(ball_scene: Path) -> None:
-    read = read_scene(ball_scene, ReadConfig(meters_per_unit=0.5, up=(0.0, 0.0, 2.0)))
+    read = read_scene(ball_scene, ReadConfig(scale=0.5, up=(0.0, 0.0, 2.0)))
     assert read.meters_per_unit == 0.5
     assert read.up is not None
     assert read.up.tolist() == [0, 0, 1]

@@ -53,7 +53,7 @@ def test_sound_twin_passes_everything(sound: tuple[Path, CheckReport]) -> None:
     assert {r.name for r in report.results} >= {
         "compile", "mesh", "inertia", "limits", "observed state", "reach", "tracking",
         "others still", "warnings", "overlap", "phantom contact", "time step", "gain x 100",
-        "hold", "passive",
+        "hold", "passive", "same twin", "push", "drift",
     }  # fmt: skip
 
 
@@ -158,7 +158,8 @@ def test_missing_keyframe_is_caught(tmp_path: Path) -> None:
 
 def test_quick_and_only_say_what_was_left_out(sound: tuple[Path, CheckReport]) -> None:
     report = check(sound[0], only=("mesh",))
-    assert {r.name for r in report.results} == {"compile", "mesh", "self-intersection"}
+    assert {r.name for r in report.results} == {
+        "compile", "same twin", "mesh", "self-intersection"}
     assert any("not run" in note and "overlap" in note for note in report.notes)
 
 

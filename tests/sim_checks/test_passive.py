@@ -1,0 +1,135 @@
+"""Passive rows: a light push moves every joint, nothing moves by itself, both twins are one."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from synth import scaled, toy_cabinet_twin
+
+from part2gs_robotics.exporters.mjcf import write_mjcf
+from part2gs_robotics.sim_checks import check
+from part2gs_robotics.sim_checks.passive import PUSH, push_of
+from part2gs_robotics.sim_checks.result import CheckReport
+from part2gs_robotics.sim_checks.subject import make_subject
+
+
+def cabinet(folder: Path, moving: int = 2) -> Path:
+    folder.mkdir(exist_ok=True)
+    write_mjcf(toy_cabinet_twin(moving), folder)
+    return folder
+
+
+def edit(folder: Path, pattern: str, text: str, *names: str) -> Path:
+    for name in names or ("twin.xml", "twin_actuated.xml"):
+        before = (folder / name).read_text()
+        after = re.sub(pattern, text, before)
+        assert after != before, name
+        (folder / name).write_text(after)
+    return folder
+
+
+def failed(report: CheckReport) -> set[tuple[str, str]]:
+    return {(r.name, r.subject) for r in report.results if r.status == "fail"}
+
+
+def test_push_is_a_tenth_of_the_weight(tmp_path: Path) -> None:
+    subject = make_subject(cabinet(tmp_path / "t") / "twin.xml")
+    drawer, door = (push_of(subject, joint) for joint in subject.joints)
+    # root of 1.02: armature counts for inertia, not for weight
+    assert drawer == pytest.approx(PUSH * 7.1028864 * 9.81 * np.sqrt(1.02), rel=1e-6)
+    # a board of 0.6 m turns about its edge as if its weight were at 0.6 / sqrt(3)
+    assert door == pytest.approx(PUSH * 2.592 * 9.81 * 0.6 / np.sqrt(3) * np.sqrt(1.02), rel=1e-3)
+
+
+def test_a_door_too_stiff_for_a_finger_is_caught(tmp_path: Path) -> None:
+    """What was assumed before: damping that takes the accelerating force at top speed."""
+    folder = edit(cabinet(tmp_path / "t"), r'damping="0\.3\d+"', 'damping="20"')
+    assert failed(check(folder, only=("passive", "actuation"))) == {("push", "part_2_joint")}
+
+
+def test_a_joint_that_sticks_is_caught(tmp_path: Path) -> None:
+    folder = edit(cabinet(tmp_path / "t"), r'frictionloss="1\.39\d+"', 'frictionloss="8"')
+    assert failed(check(folder, only=("passive",))) == {("push", "part_1_joint")}
+
+
+def test_a_motor_in_the_passive_twin_is_caught(tmp_path: Path) -> None:
+    folder = cabinet(tmp_path / "t")
+    (folder / "twin.xml").write_text((folder / "twin_actuated.xml").read_text())
+    assert ("push", "part_2_joint") in failed(check(folder, only=("passive",)))
+
+
+def test_a_spring_moves_a_joint_by_itself(tmp_path: Path) -> None:
+    folder = edit(cabinet(tmp_path / "t"), r'(name="part_2_joint")',
+                  r'\1 stiffness="5" springref="60"')
+    assert ("drift", "part_2_joint") in failed(check(folder, only=("passive",)))
+
+
+def test_gravity_is_no_drift(tmp_path: Path) -> None:
+    """The lever falls from state 1 with its weight, and stays without it; both are told."""
+    report = check(cabinet(tmp_path / "t", 3), only=("passive",))
+    assert report.ok
+    (row,) = [r for r in report.results if (r.name, r.subject) == ("drift", "part_3_joint")]
+    assert "gravity pulls -0.0054" in row.detail
+
+
+@pytest.mark.parametrize(("pattern", "text", "what"), [
+    (r'mass="2\.592"', 'mass="3"', "body_mass"), (r'range="0 0\.3"', 'range="0 0.4"', "jnt_range"),
+    (r'name="part_1_joint"', 'name="other"', "names of joints"),
+    (r'qpos="0\.3 ', 'qpos="0.29 ', "key_qpos")])
+def test_twins_that_differ_are_caught(tmp_path: Path, pattern: str, text: str, what: str) -> None:
+    folder = edit(cabinet(tmp_path / "t"), pattern, text, "twin.xml")
+    report = check(folder, only=("inertia",))
+    assert ("same twin", "twin_actuated.xml") in failed(report)
+    assert any(what in r.detail for r in report.results)
+
+
+def test_options_of_the_scene_count(tmp_path: Path) -> None:
+    """Gravity and step stand in scene.xml alone; without it the engine's own hold."""
+    folder = edit(cabinet(tmp_path / "t"), r'gravity="0 0 -9.81"', 'gravity="0 0 -98.1"',
+                  "scene.xml")
+    (row,) = [r for r in check(folder, only=("passive",)).results
+              if (r.name, r.subject) == ("push", "part_1_joint")]
+    assert float(row.detail.split()[0]) == pytest.approx(70.4, rel=0.01)
+
+
+def test_older_folders_and_single_files_are_driven_as_they_are(tmp_path: Path) -> None:
+    """Motors in twin.xml are used; where there are none the check brings its own."""
+    folder = cabinet(tmp_path / "t")
+    single = check(folder / "twin.xml", only=("passive", "actuation"))
+    assert any("servos added" in note for note in single.notes)
+    (folder / "twin_actuated.xml").replace(folder / "twin.xml")
+    (folder / "scene.xml").unlink()
+    older = check(folder, only=("passive", "actuation"))
+    assert not any("servos added" in note for note in older.notes)
+    for report in (single, older):
+        assert report.ok
+        assert {r.name for r in report.results} >= {"reach", "tracking"}
+        assert not {r.name for r in report.results} & {"push", "drift", "same twin"}
+
+
+def test_broken_motors_stop_the_check(tmp_path: Path) -> None:
+    folder = edit(cabinet(tmp_path / "t"), r'kp="[\d.]+"', 'kp="-1"', "twin_actuated.xml")
+    report = check(folder)
+    assert not report.ok
+
+
+@pytest.mark.parametrize("factor", [1e3, 1e-3])
+def test_a_twin_passes_in_every_unit(tmp_path: Path, factor: float) -> None:
+    """In mm and km: gravity and time step of scene.xml, masses and friction of twin.xml."""
+    write_mjcf(scaled(toy_cabinet_twin(3), factor), tmp_path)
+    report = check(tmp_path, steps=5, only=("inertia", "states", "actuation", "passive"))
+    assert report.ok, [r for r in report.results if r.status != "pass"]
+
+
+def test_a_twin_passes_whatever_is_up(tmp_path: Path) -> None:
+    """The cabinet lies on its back: x is up, the drawer must be lifted, the door is a lid."""
+    twin = replace(toy_cabinet_twin(2), up=np.array([1.0, 0, 0]))
+    write_mjcf(twin, tmp_path)
+    report = check(tmp_path, steps=5, only=("states", "actuation", "stability", "passive"))
+    assert report.ok, [r for r in report.results if r.status != "pass"]
+    pulled = {r.subject: r.detail for r in report.results if r.name == "drift"}
+    assert "gravity pulls -69.7, friction holds 1.39" in pulled["part_1_joint"]
