@@ -6,8 +6,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from part2gs_robotics.mesh.flat_walls import with_flat_walls
+from part2gs_robotics.mesh.flat_walls import NOWHERE, with_flat_walls
 from part2gs_robotics.mesh.place import Place
+from part2gs_robotics.mesh.surface import arrays
 from part2gs_robotics.model.arrays import F64
 from part2gs_robotics.model.grid import Grid
 from part2gs_robotics.model.kinematics import sweep
@@ -18,6 +19,7 @@ if TYPE_CHECKING:
     from manifold3d import Manifold
 
 CONTACT = 3e-4  # of the size: overlap as thick in the mean; checks allow 2e-3 at its deepest
+SPACING = 0.01  # of the size between points of an overlap; walls are found from a little farther
 EVERY = 4  # of the fewest poses of a sweep, of which it has 21: what meets does so for a stretch
 
 
@@ -25,8 +27,8 @@ def flat_surfaces(surfaces: list[Manifold], place: Place, grid: Grid) -> list[Ma
     """Return the surfaces of all parts with flat walls.
 
     The grid carved every part out of the others' ways; a wall laid flat may reach into one again by
-    a fraction of a cell. Then the part that moves keeps its noisy surface, and the other one too if
-    that does not help. Parts that met before, such as a drawer behind a door, are let alone.
+    a fraction of a cell. Then the walls that meet stay noisy, those of the part that moves first,
+    and the whole part where that does not help. Parts that met before are let alone.
 
     Args:
         surfaces: closed, base first.
@@ -35,14 +37,19 @@ def flat_surfaces(surfaces: list[Manifold], place: Place, grid: Grid) -> list[Ma
     """
     size = float(np.linalg.norm(np.array(grid.shape) * grid.voxel))
     flat = [with_flat_walls(surface, grid.voxel, size) for surface in surfaces]
+    kept = [NOWHERE for _ in surfaces]
     for part in range(1, len(surfaces)):
         for other in range(part):
-            poses = _poses(part, other, place, grid)
-            poses = [p for p in poses if not _meet(surfaces[part], surfaces[other], p, size)]
-            for rough in (part, other):
-                if not any(_meet(flat[part], flat[other], pose, size) for pose in poses):
+            poses = [pose for pose in _poses(part, other, place, grid)
+                     if not len(_meeting(surfaces[part], surfaces[other], pose, size)[0])]
+            for rough, whole in ((part, False), (other, False), (part, True), (other, True)):
+                met = [_meeting(flat[part], flat[other], pose, size) for pose in poses]
+                points = np.concatenate([NOWHERE, *(m[int(rough == other)] for m in met)])
+                if not len(points):
                     break
-                flat[rough] = surfaces[rough]
+                kept[rough] = np.concatenate([kept[rough], points])
+                flat[rough] = surfaces[rough] if whole else with_flat_walls(
+                    surfaces[rough], grid.voxel, size, kept[rough])
     return flat
 
 
@@ -55,5 +62,11 @@ def _poses(part: int, other: int, place: Place, grid: Grid) -> list[F64]:
     return [inverse(pose) for pose in poses[::EVERY]]
 
 
-def _meet(part: Manifold, other: Manifold, other_from_part: F64, size: float) -> bool:
-    return thickness(part.transform(other_from_part[:3]) ^ other) > CONTACT * size
+def _meeting(part: Manifold, other: Manifold, other_from_part: F64, size: float) -> tuple[F64, F64]:
+    """Return points where two solids overlap, in the frames of both; none where they just touch."""
+    overlap = part.transform(other_from_part[:3]) ^ other
+    if thickness(overlap) <= CONTACT * size:
+        return NOWHERE, NOWHERE
+    points, _ = arrays(overlap.refine_to_length(SPACING * size))
+    back = inverse(other_from_part)
+    return points @ back[:3, :3].T + back[:3, 3], points

@@ -15,8 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
+from scipy.spatial import KDTree
 
-from part2gs_robotics.mesh.surface import arrays, flaw
+from part2gs_robotics.mesh.surface import arrays, flaw, vertices_apart
 from part2gs_robotics.mesh.walls import facets, main_directions, weighted_quantile
 from part2gs_robotics.model.arrays import F64, I64, Mask
 
@@ -33,10 +34,12 @@ ASKEW = 2.0  # noises that a face turned away by a right angle counts as
 WALL = 0.004  # of the surface: smaller planes are details that the grid cannot tell
 PATCH = 6.0  # noises across: smaller connected patches of a wall are chance
 FARTHEST = 3.0  # noises a vertex may move: a corner of three walls is rounded by so much
-MOSTLY = 0.5  # of the rim of a patch: a wall whose edges are rounded goes on along a few faces
+LEVEL = np.cos(np.deg2rad(15.0))  # half of a wall looks its way; a ring of a curved surface aslant
+MOSTLY = 0.5  # of the area or the rim of a patch: rounded edges are the rest of a wall's
 FREE = 0.25  # singular value of a vertex' planes below which they are one: 15 degrees apart
 FLAT = 0.05  # cells: what lies so near to a wall is one with it
 SMOOTHINGS = 3  # rings of faces over which normals are averaged
+NOWHERE = np.zeros((0, 3))
 
 
 @dataclass(frozen=True)
@@ -51,36 +54,47 @@ class Walls:
         return len(self.offsets)
 
 
-def with_flat_walls(surface: Manifold, voxel: float, size: float) -> Manifold:
+def with_flat_walls(surface: Manifold, voxel: float, size: float, kept: F64 = NOWHERE) -> Manifold:
     """Return a closed surface with flat walls and few faces, itself where that would not close.
 
     Args:
         surface: noisy, from a grid.
         voxel: size of the grid's cells, scene units.
         size: diagonal of the object, scene units.
+        kept: [N, 3] walls at these points stay noisy.
     """
     import manifold3d
 
     vertices, faces = arrays(surface)
-    flat = flattened(vertices, faces, max(CELLS * voxel, DEPTH * size))
+    flat = flattened(vertices, faces, noise_of(voxel, size), kept)
     mesh = manifold3d.Mesh64(np.ascontiguousarray(flat), np.ascontiguousarray(faces, np.uint64))
-    found = manifold3d.Manifold(mesh).simplify(FLAT * voxel)
+    found = vertices_apart(manifold3d.Manifold(mesh).simplify(FLAT * voxel), voxel)
     return found if flaw(found) is None else surface
 
 
-def flattened(vertices: F64, faces: I64, noise: float) -> F64:
+def noise_of(voxel: float, size: float) -> float:
+    """Return how far a surface of a grid lies off a wall, scene units."""
+    return max(CELLS * voxel, DEPTH * size)
+
+
+def flattened(vertices: F64, faces: I64, noise: float, kept: F64 = NOWHERE) -> F64:
     """Return the vertices [V, 3] with those of walls on the planes of their walls.
 
     Args:
         vertices: [V, 3] of a closed mesh.
         faces: [F, 3] outward.
         noise: how far faces of a wall may lie off it, as the vertices.
+        kept: [N, 3] walls at these points stay as they are.
     """
     normals = _smoothed(vertices, faces)
     walls = walls_of(vertices, faces, normals, noise)
     if not len(walls):
         return vertices
-    return _moved(vertices, faces, walls, _owners(vertices, faces, normals, walls, noise), noise)
+    owner = _owners(vertices, faces, normals, walls, noise)
+    if len(kept):
+        near = KDTree(kept).query(vertices[faces].mean(1))[0] < FARTHEST * noise
+        owner[np.isin(owner, owner[near])] = -1
+    return _moved(vertices, faces, walls, owner, noise)
 
 
 def walls_of(vertices: F64, faces: I64, normals: F64, noise: float) -> Walls:
@@ -148,7 +162,10 @@ def _owners(vertices: F64, faces: I64, normals: F64, walls: Walls, noise: float)
     linked = (owner[one] == owner[two]) & (owner[one] >= 0)
     links = coo_matrix((np.ones(linked.sum()), (one[linked], two[linked])), (len(faces),) * 2)
     count, patch = connected_components(links, directed=False)
-    owner[np.bincount(patch, areas, count)[patch] < (PATCH * noise) ** 2] = -1
+    along = (normals * walls.normals[owner]).sum(1)
+    level = np.bincount(patch, areas * (along > LEVEL), count)
+    whole = np.bincount(patch, areas, count)
+    owner[((whole < (PATCH * noise) ** 2) | (level < MOSTLY * whole))[patch]] = -1
     owner[_going_on(owner, patch, normals, walls, (one, two))[patch]] = -1
     return owner
 
@@ -157,7 +174,7 @@ def _going_on(owner: I64, patch: I64, normals: F64, walls: Walls,
               pairs: tuple[NDArray[np.intp], NDArray[np.intp]]) -> Mask:
     """Return per patch whether the surface around it goes on as it looks: curved, no wall.
 
-    A wall ends at edges, in another wall; the flat cap of a ball is bounded by more of the ball.
+    A wall ends at edges or steps; the flat cap of a ball is bounded by more of the ball.
     """
     rim, on = np.zeros(patch.max() + 1), np.zeros(patch.max() + 1)
     for own, beside in (pairs, pairs[::-1]):
@@ -165,7 +182,9 @@ def _going_on(owner: I64, patch: I64, normals: F64, walls: Walls,
         own, beside = own[out], beside[out]
         alike = (normals[beside] * walls.normals[owner[own]]).sum(1) > ALONG
         np.add.at(rim, patch[own], 1.0)
-        np.add.at(on, patch[own], alike)
+        step = (owner[beside] >= 0) & (
+            (walls.normals[owner[own]] * walls.normals[owner[beside]]).sum(1) > TILT)
+        np.add.at(on, patch[own], alike & ~step)
     return np.asarray(on > MOSTLY * np.maximum(rim, 1.0))
 
 

@@ -82,7 +82,7 @@ def _simplify(surface: Manifold, voxel: float, clearance: float) -> Manifold:
     best, most = surface, max(0.5 * clearance, 0.05)
     tolerances = [t for t in (FIRST_TOLERANCE, 0.35, 0.5) if t <= most] or [most]
     for tolerance in tolerances:
-        fewer = _separate(surface.simplify(tolerance * voxel), voxel)
+        fewer = vertices_apart(surface.simplify(tolerance * voxel), voxel)
         if flaw(fewer) is not None:
             continue
         best = fewer
@@ -91,7 +91,7 @@ def _simplify(surface: Manifold, voxel: float, clearance: float) -> Manifold:
     return best
 
 
-def _separate(surface: Manifold, voxel: float) -> Manifold:
+def vertices_apart(surface: Manifold, voxel: float) -> Manifold:
     """Return the surface with vertices that a float32 file would merge moved apart.
 
     Two sheets may touch in a point: a valid manifold, but not once equal vertices are merged.
