@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from manifold3d import Manifold
 
 CELLS = 0.75  # cells of the grid: half of one is its noise
-DEPTH = 0.004  # of the size: noise of fitted depth, see BIN of evidence/faces.py
+DEPTH = 0.004  # of the size: noise of fitted depth on walls without texture
 ALONG = np.cos(np.deg2rad(25.0))  # smoothed normals of a wall against its direction
 TILT = np.cos(np.deg2rad(8.0))  # a fitted wall against its direction: more is a curved surface
 BEVEL = np.cos(np.deg2rad(62.0))  # half a right angle and noise: a rounded edge is of its two walls
@@ -39,7 +39,7 @@ MOSTLY = 0.5  # of the area or the rim of a patch: rounded edges are the rest of
 FREE = 0.25  # singular value of a vertex' planes below which they are one: 15 degrees apart
 FLAT = 0.05  # cells: what lies so near to a wall is one with it
 SMOOTHINGS = 3  # rings of faces over which normals are averaged
-NOWHERE = np.zeros((0, 3))
+NOWHERE = np.zeros((0, 3))  # no points at all
 
 
 @dataclass(frozen=True)

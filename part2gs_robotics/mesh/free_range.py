@@ -7,10 +7,12 @@ stand. From either state outward the part's true surface is moved until it meets
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from itertools import combinations
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from part2gs_robotics.model.arrays import F64, Mask
 from part2gs_robotics.model.kinematics import moving_parts, part_transforms, subtree
 from part2gs_robotics.model.solids import bounds, thickness, to_manifold
 from part2gs_robotics.model.twin import Part, Twin
@@ -26,23 +28,31 @@ TURN_STEP = np.deg2rad(2.0)  # a point at half a diagonal moves 1.7 % of it: no 
 SLIDE_STEP = 0.01  # of the size, likewise
 REFINED = 6  # halvings of the step that met something: 0.03 deg, 0.02 % of the size
 MOST_TURN = np.pi  # rad of a whole range: what nothing stops is not known to turn farther
+PLACES = 9  # of a range, in combinations of two joints: 20 degrees apart at most
 INSIDE = 0.2  # of a slide's length stays within what carries it: farther it falls out
+
+Range = tuple[float, float]
 
 
 def with_free_ranges(twin: Twin) -> Twin:
     """Return the twin with the contact-free range of every joint as its limits, marked derived.
 
     The range covers both observed states. Below the lower one the other parts stand as in state 0
-    and as in state 1, where the part is free there; likewise above the upper one.
+    and as in state 1, where the part is free there; likewise above the upper one. Where two parts
+    would meet both are held back, unless they do so between the states: then one waits for the
+    other.
 
     Args:
         twin: with closed meshes, in one frame.
     """
     low, high = bounds(tuple(p.mesh for p in twin.parts))
     sweep = _Sweep(twin, float(np.linalg.norm(high - low)))
+    limits = {index: sweep.range_of(index) for index in moving_parts(twin)}
+    for one, two in combinations(limits, 2):
+        limits |= sweep.agreed(one, two, limits)
     parts = list(twin.parts)
-    for index in moving_parts(twin):
-        parts[index] = replace(parts[index], limits=sweep.range_of(index), limits_source="derived")
+    for index, found in limits.items():
+        parts[index] = replace(parts[index], limits=found, limits_source="derived")
     return replace(twin, parts=tuple(parts))
 
 
@@ -81,6 +91,36 @@ class _Sweep:
                         for end, sign in zip(ends, (-1.0, 1.0), strict=True))
         down, up = _shared(below, above, spare)
         return ends[0] - down, ends[1] + up
+
+    def agreed(self, one: int, two: int, limits: dict[int, Range]) -> dict[int, Range]:
+        """Return the ranges of two joints within which their parts never meet."""
+        carried = set(subtree(self.twin, one)), set(subtree(self.twin, two))
+        if carried[0] & carried[1]:  # one stands on the other: one joint tells all
+            return {}
+        first, second = (_values(limits[i], self._ends(i)) for i in (one, two))
+        met = np.array([[self._clash(one, two, p, q, carried) for q in second] for p in first])
+        seen = [_within(v, self._ends(i)) for v, i in ((first, one), (second, two))]
+        if met[np.ix_(*seen)].any():
+            return {}
+        # What meets another's observed motion is to blame; of two beyond theirs, both are.
+        first_bad = np.asarray(met[:, seen[1]].any(1), bool)
+        second_bad = np.asarray(met[seen[0]].any(0), bool)
+        rest = met & ~(first_bad[:, None] | second_bad)
+        return {one: _short_of(first, first_bad | rest.any(1), self._ends(one)),
+                two: _short_of(second, second_bad | rest.any(0), self._ends(two))}
+
+    def _ends(self, index: int) -> Range:
+        value = self.observed[self.moving.index(index)]
+        return min(0.0, value), max(0.0, value)
+
+    def _clash(self, one: int, two: int, p: float, q: float,
+               carried: tuple[set[int], set[int]]) -> bool:
+        positions = [0.0] * len(self.moving)
+        positions[self.moving.index(one)], positions[self.moving.index(two)] = p, q
+        placed = part_transforms(self.twin, positions)
+        moved = {i: self.solids[i].transform(placed[i][:3]) for i in carried[0] | carried[1]}
+        return any(thickness(moved[a] ^ moved[b]) > CONTACT * self.size
+                   for a in carried[0] for b in carried[1])
 
     def _reach(self, index: int, start: float, sign: float, most: float) -> _Reach:
         """Return how far a joint goes from a state, up or down, at most so far."""
@@ -137,6 +177,23 @@ class _Sweep:
         length = float(np.ptp(own))
         ahead = float(own.min()) + sign * start
         return max(float(around.max()) - INSIDE * length - ahead, 0.0)
+
+
+def _values(limits: Range, ends: Range) -> F64:
+    """Return places on a joint's way at which combinations are tried."""
+    return np.unique([*np.linspace(*limits, PLACES), *ends])
+
+
+def _within(values: F64, ends: Range) -> Mask:
+    return (values >= ends[0]) & (values <= ends[1])
+
+
+def _short_of(values: F64, bad: Mask, ends: Range) -> Range:
+    """Return the range of values around the observed one up to the last ones that are not bad."""
+    below, above = values[bad & (values < ends[0])], values[bad & (values > ends[1])]
+    low, high = max(below, default=-np.inf), min(above, default=np.inf)
+    free = values[(values > low) & (values < high)]
+    return float(free.min()), float(free.max())
 
 
 def _shared(below: _Reach, above: _Reach, spare: float) -> tuple[float, float]:

@@ -73,6 +73,17 @@ def test_a_ball_keeps_its_round():
     assert np.linalg.norm(moved - vertices, axis=1).max() < 1e-12
 
 
+def test_a_wall_that_must_not_move_stays_and_the_others_are_flat():
+    vertices, faces = arrays(surface_of(box, 0.15))
+    on_top = np.array([[0.0, 0.0, HALF[2]]]) @ TURN.T
+    moved = flattened(vertices, faces, 0.75 * VOXEL, on_top)
+    local = vertices @ TURN
+    top = (np.abs(local[:, 2] - HALF[2]) < VOXEL) & (np.abs(local[:, :2]) < HALF[:2] - 0.1).all(1)
+    under = (np.abs(local[:, 2] + HALF[2]) < VOXEL) & (np.abs(local[:, :2]) < HALF[:2] - 0.1).all(1)
+    np.testing.assert_array_equal(moved[top], vertices[top])
+    assert off_box(moved[under]).max() < 0.2 * off_box(vertices[under]).max()
+
+
 def test_unit_and_place_do_not_matter():
     vertices, faces = arrays(surface_of(box, 0.2))
     here = flattened(vertices, faces, 0.75 * VOXEL)

@@ -139,3 +139,34 @@ def test_pieces_that_cannot_be_parted_keep_both_joints_to_what_was_seen(monkeypa
 def test_a_part_without_a_joint_has_no_range():
     part = Part("part_1", 0, door_twin().parts[1].mesh, (), None)
     assert observed_only(part).limits == (0.0, 0.0)
+
+
+def crossing_twin(value):
+    """Two slides over a plate, along x and along y, whose ways cross at the origin."""
+    base = union_part("base", -1, [((-1.0, -1.0, -0.3), (1.0, 1.0, -0.2))], None, (0.0, 0.0), GREY)
+    parts = [base]
+    for k, axis in enumerate(np.eye(3)[:2]):
+        low, high = np.full(3, -0.1), np.full(3, 0.1)
+        low, high = low - 0.7 * axis, high - 0.5 * axis
+        joint = Joint("prismatic", axis, np.zeros(3), value)
+        parts.append(union_part(f"part_{k + 1}", 0, [(tuple(low), tuple(high))], joint,
+                                (0.0, value), GREY))
+    return Twin("toy", tuple(parts))
+
+
+def test_no_two_joints_drive_their_parts_into_each_other():
+    """Each slide alone passes the crossing; both at once would meet there."""
+    ranges = [part.limits for part in with_free_ranges(crossing_twin(0.1)).parts[1:]]
+    assert all(low < 0.0 and high >= 0.1 for low, high in ranges)
+    # Tips stand 0.4 before the origin: one beyond 0.3 is in the way of the other beyond 0.3.
+    assert min(high for _, high in ranges) <= 0.3 + 1e-3
+    for k in (1, 2):  # either alone goes on
+        twin = crossing_twin(0.1)
+        alone = replace(twin, parts=(twin.parts[0], replace(twin.parts[k], name="part_1")))
+        assert with_free_ranges(alone).parts[1].limits[1] > 0.9
+
+
+def test_what_meets_between_the_states_waits_and_keeps_its_range():
+    twin = crossing_twin(0.9)
+    alone = with_free_ranges(replace(twin, parts=twin.parts[:2])).parts[1].limits
+    assert with_free_ranges(twin).parts[1].limits[1] >= min(0.9, alone[1])
