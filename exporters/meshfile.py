@@ -1,20 +1,22 @@
-"""Mesh files of the twin folder: OBJ with a colour on every vertex, and textures."""
+"""Mesh files of the twin folder: OBJ with a colour on every vertex, normals and textures."""
 
 from __future__ import annotations
 
 import re
 import xml.etree.ElementTree as ET
-from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from part2gs_robotics.errors import ExportError
+from part2gs_robotics.exporters.normals import corner_normals
 from part2gs_robotics.exporters.xmlio import add
-from part2gs_robotics.model.twin import Part, PartMesh, Texture, Twin
+from part2gs_robotics.model.twin import Part, PartMesh, Twin
 from part2gs_robotics.runtime.atomic import write_bytes_atomic
 
 NAME = re.compile(r"[a-z0-9_]+\Z")  # bare names every simulator and package tool accepts
+NORMAL_DIGITS = 3  # 0.06 degrees: no eye sees it, and a flat wall has one normal
 
 
 def require_name(name: str) -> str:
@@ -50,7 +52,7 @@ def write_meshes(twin: Twin, folder: Path) -> list[Path]:
     """Write every visual mesh and convex piece of a twin; return the files."""
     written = []
     for part in twin.parts:
-        written.append(write_obj(part.mesh, folder / visual_name(part)))
+        written.append(write_obj(part.mesh, folder / visual_name(part), shaded=True))
         written += _write_texture(part, folder)
         written += [
             write_obj(piece, folder / piece_name(part, i)) for i, piece in enumerate(part.pieces)
@@ -58,35 +60,48 @@ def write_meshes(twin: Twin, folder: Path) -> list[Path]:
     return written
 
 
-def write_obj(mesh: PartMesh, path: Path) -> Path:
+def write_obj(mesh: PartMesh, path: Path, *, shaded: bool = False) -> Path:
     """Write one mesh as OBJ, `v x y z r g b` with colours in 0..1; return the path.
 
-    With a texture, corners of faces have their own `vt` while they share `v`: the surface stays
-    closed for every reader that looks at vertices.
+    Corners of faces have their own `vt` and `vn` while they share `v`: the surface stays closed
+    for every reader that looks at vertices.
+
+    Args:
+        mesh: of a part or of a piece of one.
+        path: ending in .obj; a textured mesh names the .mtl beside it.
+        shaded: with normals, which nothing but a viewer needs.
     """
     colors = mesh.colors.astype(float) / 255.0
     lines = [
         f"v {x:.9g} {y:.9g} {z:.9g} {r:.4g} {g:.4g} {b:.4g}"
         for (x, y, z), (r, g, b) in zip(mesh.vertices.tolist(), colors.tolist(), strict=True)
     ]
-    faces = (mesh.faces + 1).tolist()
-    if mesh.texture is None:
-        lines += [f"f {a} {b} {c}" for a, b, c in faces]
-    else:
-        lines = [f"mtllib {path.stem}.mtl", *lines, *_textured(mesh.texture, path.stem, faces)]
+    corners = [[str(v) for v in (mesh.faces + 1).ravel().tolist()]]
+    if mesh.texture is not None:
+        values, index = _distinct(mesh.texture.uv)
+        lines = [f"mtllib {path.stem}.mtl", *lines, *(f"vt {u:.6f} {v:.6f}" for u, v in values)]
+        corners.append([str(i) for i in index])
+    if shaded:
+        normals = corner_normals(mesh.vertices, mesh.faces).round(NORMAL_DIGITS) + 0.0  # no -0
+        values, index = _distinct(normals)
+        lines += [f"vn {x:g} {y:g} {z:g}" for x, y, z in values]
+        corners += [[""] * len(index)] * (mesh.texture is None) + [[str(i) for i in index]]
+    if mesh.texture is not None:
+        lines.append(f"usemtl {path.stem}")
+    words = ["/".join(corner) for corner in zip(*corners, strict=True)]
+    lines += [f"f {a} {b} {c}" for a, b, c in zip(words[::3], words[1::3], words[2::3],
+                                                  strict=True)]
     write_bytes_atomic(path, ("\n".join(lines) + "\n").encode())
     return path
 
 
-def _textured(texture: Texture, material: str, faces: list[list[int]]) -> Iterator[str]:
-    """Yield the lines of texture coordinates, equal ones once, and of faces that name them."""
-    # pairs of float32 as one number: sorting rows takes ten times as long
-    pairs = np.ascontiguousarray(texture.uv, np.float32).reshape(-1, 2).view(np.int64).ravel()
-    places, corners = np.unique(pairs, return_inverse=True)
-    yield from (f"vt {u:.6f} {v:.6f}" for u, v in places.view(np.float32).reshape(-1, 2).tolist())
-    yield f"usemtl {material}"
-    for (a, b, c), (i, j, k) in zip(faces, (corners.reshape(-1, 3) + 1).tolist(), strict=True):
-        yield f"f {a}/{i} {b}/{j} {c}/{k}"
+def _distinct(corners: NDArray[np.floating]) -> tuple[list[list[float]], list[int]]:
+    """Return the different rows of [F, 3, n] values and, counted from 1, the row of each corner."""
+    rows = np.ascontiguousarray(corners, np.float32).reshape(-1, corners.shape[-1])
+    # rows as one value of raw bytes: sorting rows takes ten times as long
+    raw = rows.view(np.dtype((np.void, rows.itemsize * rows.shape[1]))).ravel()
+    _, first, index = np.unique(raw, return_index=True, return_inverse=True)
+    return rows[first].tolist(), (index.ravel() + 1).tolist()
 
 
 def _write_texture(part: Part, folder: Path) -> list[Path]:
