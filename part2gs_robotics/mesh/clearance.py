@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from part2gs_robotics.mesh.cut_pieces import Piece, piece_of
+from part2gs_robotics.mesh.cut_pieces import Piece, few_cornered, piece_of
 from part2gs_robotics.mesh.free_range import observed_only
 from part2gs_robotics.model.arrays import F64
 from part2gs_robotics.model.kinematics import moving_parts, part_transforms, subtree
@@ -139,7 +139,7 @@ def _finished(
     mine = [p for p in pieces if p.part == part]
     color = old[0].colors[0] if old else np.zeros(3, np.uint8)
     rgb = (int(color[0]), int(color[1]), int(color[2]))
-    kept = [to_mesh(p.solid, rgb) for p in mine if p.solid.volume() > crumb]
+    kept = [to_mesh(few_cornered(p.solid), rgb) for p in mine if p.solid.volume() > crumb]
     return tuple(kept) or old[:1]
 
 
