@@ -11,11 +11,10 @@ import numpy as np
 from part2gs_robotics.decide.candidate import INCOHERENT, Candidate, Scores
 from part2gs_robotics.decide.labelling import STARTS, Unary, label, roughly, unary_costs
 from part2gs_robotics.decide.made_joints import askew, crooked, square
-from part2gs_robotics.decide.pieces import at_home
 from part2gs_robotics.evidence.cross_render import both_cost
 from part2gs_robotics.evidence.landing import unclaimed
 from part2gs_robotics.evidence.study import Study
-from part2gs_robotics.evidence.surfels import Surfels
+from part2gs_robotics.evidence.surfels import Surfels, at_home
 from part2gs_robotics.model import se3
 from part2gs_robotics.model.arrays import F64, Labels
 from part2gs_robotics.model.joint import Joint

@@ -16,9 +16,9 @@ import numpy as np
 from part2gs_robotics.decide.candidate import MORE_MET, Candidate
 from part2gs_robotics.decide.grow import one_more
 from part2gs_robotics.decide.judge import Judge
-from part2gs_robotics.decide.pieces import apart
 from part2gs_robotics.decide.split import TORN, torn
 from part2gs_robotics.decide.turn_alternatives import righted
+from part2gs_robotics.evidence.surfels import apart
 from part2gs_robotics.model.joint import Joint
 from part2gs_robotics.search.choose_kind import choose_joint
 

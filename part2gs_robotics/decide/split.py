@@ -8,13 +8,14 @@ from dataclasses import replace
 from itertools import combinations
 
 import numpy as np
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
 
 from part2gs_robotics.decide.candidate import INCOHERENT, MORE_MET, PLAIN_ASKEW, Candidate, on_base
 from part2gs_robotics.decide.judge import MIN_SURFELS, SLOW, Judge
-from part2gs_robotics.decide.pieces import apart, pieces
 from part2gs_robotics.decide.tune_slides import PARALLEL, tune
 from part2gs_robotics.evidence.study import Study
-from part2gs_robotics.evidence.surfels import Surfels
+from part2gs_robotics.evidence.surfels import Surfels, apart, at_home
 from part2gs_robotics.model.joint import Joint
 from part2gs_robotics.search.refine import misfit, refine
 
@@ -25,6 +26,8 @@ MOST_PAIRS = 20  # of each kind tried in the place of each motion; a set takes a
 HOPE = 2.0  # prices: two drawers cost that much more before tuning than after
 NEAR = 0.005  # of the diagonal: two motions that carry a piece nearer than that are one
 TORN = 0.5  # of a price: that nothing joins what one motion carries, or few meet, tells the rest
+GAP = 0.02  # of the diagonal, two surfels: pieces nearer to each other are joined
+PIECE = 0.15  # of a part's surfels: less is a handle or a patch gone astray
 PIECE_STEPS = (-0.04, -0.02, 0.0, 0.02, 0.04)  # of the diagonal: refinement reaches half a step
 
 
@@ -118,3 +121,30 @@ def _parallel(pool: Sequence[Joint], turning: bool, far: float) -> list[tuple[Jo
     return [(a, b) for a, b in combinations([h for h in pool if h.kind == kind], 2)
             if abs(a.axis @ b.axis) > np.cos(PARALLEL)
             and (turning or np.linalg.norm(a.axis * a.value - b.axis * b.value) > far)]
+
+
+def pieces(h: Joint, own: tuple[Surfels, Surfels], diag: float, least: int,
+           ) -> list[tuple[Surfels, Surfels]]:
+    """Return the surfels of every piece of a part, the largest first.
+
+    Args:
+        h: motion of the part.
+        own: its surfels of both states.
+        diag: of the object, scene units.
+        least: surfels in either state that make a piece.
+    """
+    points = at_home(h, own)
+    if not len(points):
+        return []
+    near = cKDTree(points).sparse_distance_matrix(cKDTree(points), GAP * diag,
+                                                  output_type="coo_matrix")
+    number, piece = connected_components(near, directed=False)
+    sizes = np.bincount(piece, minlength=number)
+    found = []
+    for n in np.argsort(-sizes, kind="stable"):
+        if sizes[n] < PIECE * len(points):
+            break
+        zero, one = (np.flatnonzero(part == n) for part in np.split(piece, [len(own[0])]))
+        if min(len(zero), len(one)) >= least:
+            found.append((own[0].select(zero), own[1].select(one)))
+    return found

@@ -18,8 +18,7 @@ import numpy as np
 
 from part2gs_robotics.decide.candidate import Candidate
 from part2gs_robotics.decide.judge import NEAR, Judge, arm_of
-from part2gs_robotics.decide.pieces import at_home
-from part2gs_robotics.evidence.surfels import Surfels
+from part2gs_robotics.evidence.surfels import Surfels, at_home
 from part2gs_robotics.model import se3
 from part2gs_robotics.model.arrays import F64
 from part2gs_robotics.model.joint import Joint

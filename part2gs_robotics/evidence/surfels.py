@@ -8,7 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from part2gs_robotics.evidence.depth_maps import DepthMaps
+from part2gs_robotics.model import se3
 from part2gs_robotics.model.arrays import F64
+from part2gs_robotics.model.joint import Joint
 
 NORMAL_STEP = 2  # pixels: rendered depth has pixel-scale noise, two pixels average it
 FILL = 1.25  # cells per sample: a cell of one pixel is missed by a view that looks askew
@@ -124,3 +126,22 @@ def _view_samples(
     )  # towards the camera at the origin
     rot, trans = maps.viewmats[v][:3, :3], maps.viewmats[v][:3, 3]
     return (points - trans) @ rot, normal @ rot, images[v][rows[ok], cols[ok]] / 255.0
+
+
+def at_home(h: Joint, own: tuple[Surfels, Surfels]) -> F64:
+    """Return [n, 3] points of a part's surfels of both states, where they are in state 0."""
+    zero, one = own
+    return np.concatenate([zero.points, se3.apply(se3.inverse(h.move), one.points)])
+
+
+def apart(one: Joint, two: Joint, own: tuple[Surfels, Surfels]) -> float:
+    """Return how far apart two motions carry a part's surfels on average, scene units.
+
+    Args:
+        one: a motion.
+        two: another one, that of the surfels.
+        own: the part's surfels of both states; infinitely far without any.
+    """
+    points = at_home(two, own)
+    gaps = np.linalg.norm(se3.apply(one.move, points) - se3.apply(two.move, points), axis=1)
+    return float(gaps.mean()) if len(points) else float("inf")

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from part2gs_robotics.decide.pieces import at_home, pieces
-from part2gs_robotics.evidence.surfels import Surfels
+from part2gs_robotics.decide.split import pieces
+from part2gs_robotics.evidence.surfels import Surfels, at_home
 from part2gs_robotics.model import se3
 from part2gs_robotics.model.joint import Joint
 

@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from part2gs_robotics.evidence.canonical import LEAST, shares_shown, without_unseen
 from part2gs_robotics.evidence.cross_render import both_cost
-from part2gs_robotics.evidence.unseen import LEAST, shares_shown, without_unseen
 from part2gs_robotics.model import se3
 from part2gs_robotics.model.gaussians import Gaussians
 from part2gs_robotics.model.small_views import small_views

@@ -5,21 +5,20 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import torch
-from numpy.typing import NDArray
 from render_reference import render_reference
 
+from part2gs_robotics.model.arrays import F64 as Array
 from part2gs_robotics.model.gaussians import Splats
 from part2gs_robotics.model.scene import Camera
 from part2gs_robotics.render.cpu import Gradients, Rendered, render, render_backward
 
-Array = NDArray[np.float64]
 Scene = dict[str, Array]
 Float = type[np.floating]
 pytestmark = pytest.mark.usefixtures("one_numba_thread")
 INPUTS = ("means", "quats", "scales", "opacities", "colors", "extra")
 IMAGES = ("color", "alpha", "depth", "extra")
-NEAR = 0.01  # scene units; a Gaussian is drawn where z is larger
-SIDE, FOCAL, DISTANCE = 33, 50.0, 2.0
+NEAR, DISTANCE = 0.01, 2.0  # scene units; a Gaussian is drawn where z is larger than NEAR
+SIDE, FOCAL = 33, 50.0
 BACKGROUND = np.array([0.2, 0.5, 0.7])
 both = pytest.mark.parametrize("dtype", [np.float32, np.float64])
 
@@ -68,9 +67,9 @@ def weights(width: int, height: int) -> Scene:
 def backward(out: Rendered) -> Gradients:
     """Gradients of a random linear loss over all images."""
     w = weights(*out.alpha.shape[::-1])
-    gradients = render_backward(out, w["color"], w["alpha"], w["depth"], w["extra"])
-    assert all(np.isfinite(getattr(gradients, k)).all() for k in (*INPUTS, "means2d_abs"))
-    return gradients
+    found = render_backward(out, *(w[image] for image in IMAGES))
+    assert all(np.isfinite(getattr(found, k)).all() for k in (*INPUTS, "means2d_abs"))
+    return found
 
 
 def reference(g: Scene, width: int, height: int) -> tuple[Scene, Scene]:
@@ -263,11 +262,10 @@ def test_ten_thousand_coincident_gaussians_have_their_closed_form(dtype: Float,
     tolerance = 2e-5 if dtype == np.float32 else 1e-9
     np.testing.assert_allclose(out.alpha, 1 - left, rtol=0, atol=tolerance)
     backward(out)
-    gradients = render_backward(out, np.ones_like(out.color))
     k = np.arange(n)[:, None]
     weight = np.where(k < count.ravel(), a.ravel() * (1 - a.ravel()) ** k, 0).sum(axis=1)
-    np.testing.assert_allclose(gradients.colors, np.tile(weight[:, None], 3), rtol=0,
-                               atol=weight[0] * tolerance)
+    np.testing.assert_allclose(render_backward(out, np.ones_like(out.color)).colors,
+                               np.tile(weight[:, None], 3), rtol=0, atol=weight[0] * tolerance)
 
 
 @both
@@ -288,8 +286,8 @@ def test_scaling_the_scene_scales_lengths_and_nothing_else(dtype: Float, s: floa
         np.testing.assert_allclose(getattr(out, k) / unit, getattr(expected, k), rtol=0,
                                    atol=image_error * size, err_msg=k)
     w = weights(SIDE, SIDE)
-    got = render_backward(out, w["color"], w["alpha"], w["depth"] / s, w["extra"])
-    wanted = render_backward(expected, w["color"], w["alpha"], w["depth"], w["extra"])
+    wanted = render_backward(expected, *w.values())
+    got = render_backward(out, *(w | {"depth": w["depth"] / s}).values())
     for k in INPUTS:
         value = getattr(got, k) * (s if k in ("means", "scales") else 1)
         error = np.linalg.norm(value - getattr(wanted, k))
