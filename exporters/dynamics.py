@@ -21,7 +21,7 @@ from part2gs_robotics.exporters.inertia import (
 from part2gs_robotics.model.arrays import F64
 from part2gs_robotics.model.joint import Joint
 from part2gs_robotics.model.kinematics import moving_parts, subtree
-from part2gs_robotics.model.solids import bounds
+from part2gs_robotics.model.solids import size_of
 from part2gs_robotics.model.twin import Twin
 
 TRAVEL_TIME = 0.5  # s for the full range at top speed: a brisk human hand
@@ -94,9 +94,8 @@ def physics_of(twin: Twin) -> Physics:
 def _joint_dynamics(twin: Twin, index: int, masses: tuple[MassProperties, ...]) -> JointDynamics:
     part = twin.parts[index]
     assert part.joint is not None  # moving parts have one
-    low, high = bounds(tuple(one.mesh for one in twin.parts))
     slides = part.joint.kind == "prismatic"
-    least = LEAST_SPAN * (float(np.linalg.norm(high - low)) if slides else 1.0)
+    least = LEAST_SPAN * (size_of(tuple(one.mesh for one in twin.parts)) if slides else 1.0)
     span = max(part.limits[1] - part.limits[0], least)
     carried = [masses[i] for i in subtree(twin, index)]
     inertia = sum(_felt(part.joint, m) for m in carried)

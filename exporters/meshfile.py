@@ -10,12 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from part2gs_robotics.errors import ExportError
-from part2gs_robotics.exporters.normals import corner_normals
 from part2gs_robotics.exporters.xmlio import add
+from part2gs_robotics.model.solids import corner_normals
 from part2gs_robotics.model.twin import Part, PartMesh, Twin
 from part2gs_robotics.runtime.atomic import write_bytes_atomic
 
 NAME = re.compile(r"[a-z0-9_]+\Z")  # bare names every simulator and package tool accepts
+CREASE = np.cos(np.deg2rad(30.0))  # faces farther apart form an edge; Blender's default as well
 NORMAL_DIGITS = 3  # 0.06 degrees: no eye sees it, and a flat wall has one normal
 
 
@@ -82,8 +83,8 @@ def write_obj(mesh: PartMesh, path: Path, *, shaded: bool = False) -> Path:
         lines = [f"mtllib {path.stem}.mtl", *lines, *(f"vt {u:.6f} {v:.6f}" for u, v in values)]
         corners.append([str(i) for i in index])
     if shaded:
-        normals = corner_normals(mesh.vertices, mesh.faces).round(NORMAL_DIGITS) + 0.0  # no -0
-        values, index = _distinct(normals)
+        normals = corner_normals(mesh.vertices, mesh.faces, CREASE)
+        values, index = _distinct(normals.round(NORMAL_DIGITS) + 0.0)  # + 0: no -0
         lines += [f"vn {x:g} {y:g} {z:g}" for x, y, z in values]
         corners += [[""] * len(index)] * (mesh.texture is None) + [[str(i) for i in index]]
     if mesh.texture is not None:

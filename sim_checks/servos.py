@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from part2gs_robotics.model.arrays import F64
 from part2gs_robotics.sim_checks.driven import OURS, DrivenJoint, driven_joints
 
 if TYPE_CHECKING:
@@ -25,7 +24,7 @@ def add_servos(spec: mujoco.MjSpec, model: mujoco.MjModel) -> list[str]:
     for joint in driven_joints(model):
         if joint.servo >= 0 or not model.joint(joint.index).name:
             continue
-        mass = max(float(_joint_mass(model)[joint.dof]), 1e-12)
+        mass = max(float(model.dof_M0[joint.dof]), 1e-12)
         kp = max(mass * SERVO_FREQUENCY**2, _load(model, joint) / (SAG * max(joint.span, 1e-9)))
         kp = min(kp, mass * (STIFFEST / model.opt.timestep) ** 2)
         servo = spec.add_actuator(
@@ -37,10 +36,6 @@ def add_servos(spec: mujoco.MjSpec, model: mujoco.MjModel) -> list[str]:
         servo.gainprm, servo.biasprm = gain, bias
         added.append(joint.name)
     return added
-
-
-def _joint_mass(model: mujoco.MjModel) -> F64:
-    return np.array(model.dof_M0) + 0.0
 
 
 def _load(model: mujoco.MjModel, joint: DrivenJoint) -> float:

@@ -18,16 +18,15 @@ from part2gs_robotics.mesh.free_range import observed_only
 from part2gs_robotics.model.arrays import F64
 from part2gs_robotics.model.kinematics import moving_parts, part_transforms, subtree
 from part2gs_robotics.model.se3 import inverse
-from part2gs_robotics.model.solids import bounds, hull_of, to_manifold, to_mesh
+from part2gs_robotics.model.solids import hull_of, simpler, size_of, to_manifold, to_mesh
 from part2gs_robotics.model.twin import PartMesh, Twin
 
 if TYPE_CHECKING:
-    from manifold3d import Manifold
+    pass
 
 GAP = 2e-3  # of the size: engines that collide with a margin (Bullet: 1 mm) still see a gap
 STEPS = 30  # per joint; 90 degrees in steps of 3: the arc between leaves 0.03 % of the radius
 COARSE = 1.5e-3  # of the size: copy of a part against which losses are weighed
-KEPT = 0.5  # of its volume such a copy must keep; the parts of twenty twins keep 0.96 at least
 SHARES = (0.0, 0.25, 0.5, 0.75, 1.0)  # of a cut that the first of two pieces takes
 SPARE = 0.03  # of its volume a part may lose in one cut; more is a real crossing, left alone
 CRUMB = 1e-7  # of the size cubed
@@ -38,17 +37,11 @@ MOST_PIECES = 300  # of the twin; one of four doors and drawers has about 110
 def _pieces(twin: Twin, size: float) -> list[Piece]:
     out = []
     for index, part in enumerate(twin.parts):
-        whole = _coarse(to_manifold(part.mesh), COARSE * size)
+        whole = simpler(to_manifold(part.mesh), COARSE * size)
         for piece in part.pieces:
             hull = hull_of(piece.vertices)
             out.append(piece_of(index, hull, hull ^ whole, SPARE * float(whole.volume())))
     return out
-
-
-def _coarse(real: Manifold, step: float) -> Manifold:
-    """Return a simpler copy of a part, or the part itself if it is thin: a pane would vanish."""
-    simple = real.simplify(step)
-    return simple if simple.volume() > KEPT * real.volume() else real
 
 
 def with_apart_pieces(twin: Twin, share: float = GAP) -> Twin:
@@ -61,7 +54,7 @@ def with_apart_pieces(twin: Twin, share: float = GAP) -> Twin:
         twin: with convex pieces.
         share: gap between pieces of two parts, of the size of the object.
     """
-    gap = share * _size(twin)
+    gap = share * size_of(tuple(p.mesh for p in twin.parts))
     apart, stuck = _separated(twin, gap)
     short = {index for pair in stuck for index in pair}
     if not any(part.limits_source == "derived" for i, part in enumerate(twin.parts) if i in short):
@@ -70,12 +63,6 @@ def with_apart_pieces(twin: Twin, share: float = GAP) -> Twin:
     names = ", ".join(sorted(twin.parts[i].name for i in short))
     note = f"range kept to what was observed, since collision pieces would overlap: {names}"
     return separate_pieces(replace(twin, parts=tuple(parts), notes=(*twin.notes, note)), gap=gap)
-
-
-def _size(twin: Twin) -> float:
-    """Return the diagonal of the box around all parts, scene units."""
-    low, high = bounds(tuple(p.mesh for p in twin.parts))
-    return float(np.linalg.norm(high - low))
 
 
 def separate_pieces(twin: Twin, *, gap: float | None = None) -> Twin:
@@ -97,7 +84,7 @@ def separate_pieces(twin: Twin, *, gap: float | None = None) -> Twin:
 
 def _separated(twin: Twin, gap: float | None) -> tuple[Twin, set[tuple[int, int]]]:
     """Return `separate_pieces`, and the pairs of parts that could not be separated."""
-    size = _size(twin)
+    size = size_of(tuple(p.mesh for p in twin.parts))
     distance = GAP * size if gap is None else gap
     pieces = _pieces(twin, size)
     before = sum(float(p.solid.volume()) for p in pieces)

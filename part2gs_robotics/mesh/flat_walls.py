@@ -18,7 +18,7 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import KDTree
 
 from part2gs_robotics.mesh.surface import arrays, flaw, vertices_apart
-from part2gs_robotics.mesh.walls import facets, main_directions, weighted_quantile
+from part2gs_robotics.mesh.walls import Facets, facets, main_directions, weighted_quantile
 from part2gs_robotics.model.arrays import F64, I64, Mask
 
 if TYPE_CHECKING:
@@ -39,6 +39,7 @@ MOSTLY = 0.5  # of the area or the rim of a patch: rounded edges are the rest of
 FREE = 0.25  # singular value of a vertex' planes below which they are one: 15 degrees apart
 FLAT = 0.05  # cells: what lies so near to a wall is one with it
 SMOOTHINGS = 3  # rings of faces over which normals are averaged
+Pairs = tuple[NDArray[np.intp], NDArray[np.intp]]  # of faces
 NOWHERE = np.zeros((0, 3))  # no points at all
 
 
@@ -86,34 +87,30 @@ def flattened(vertices: F64, faces: I64, noise: float, kept: F64 = NOWHERE) -> F
         noise: how far faces of a wall may lie off it, as the vertices.
         kept: [N, 3] walls at these points stay as they are.
     """
-    normals = _smoothed(vertices, faces)
-    walls = walls_of(vertices, faces, normals, noise)
+    smooth = _smoothed(vertices, faces)
+    walls = walls_of(smooth, main_directions(facets(vertices, faces)), noise)
     if not len(walls):
         return vertices
-    owner = _owners(vertices, faces, normals, walls, noise)
+    owner = _owners(smooth, _neighbours(faces), walls, noise)
     if len(kept):
-        near = KDTree(kept).query(vertices[faces].mean(1))[0] < FARTHEST * noise
+        near = KDTree(kept).query(smooth.centers)[0] < FARTHEST * noise
         owner[np.isin(owner, owner[near])] = -1
     return _moved(vertices, faces, walls, owner, noise)
 
 
-def walls_of(vertices: F64, faces: I64, normals: F64, noise: float) -> Walls:
-    """Return the planes of a mesh's walls, along its main directions.
+def walls_of(smooth: Facets, axes: F64, noise: float) -> Walls:
+    """Return the planes of a surface's walls.
 
     Args:
-        vertices: [V, 3].
-        faces: [F, 3].
-        normals: [F, 3] smoothed.
+        smooth: faces with smoothed normals.
+        axes: [D, 3] directions, either way, that walls may face.
         noise: how far a wall's faces may lie off it.
     """
-    tri = vertices[faces]
-    centers = tri.mean(1)
-    areas = 0.5 * np.linalg.norm(np.cross(tri[:, 1] - tri[:, 0], tri[:, 2] - tri[:, 0]), axis=1)
     found: list[tuple[F64, float]] = []
-    for axis in main_directions(facets(vertices, faces)):
-        for direction in (axis, -axis):
-            mine = np.flatnonzero(normals @ direction > ALONG)
-            found += _along(direction, centers[mine], areas[mine], noise, WALL * areas.sum())
+    least = WALL * float(smooth.areas.sum())
+    for direction in np.concatenate([axes, -axes]):
+        mine = smooth.normals @ direction > ALONG
+        found += _along(direction, smooth.centers[mine], smooth.areas[mine], noise, least)
     return Walls(np.array([n for n, _ in found]).reshape(-1, 3), np.array([d for _, d in found]))
 
 
@@ -146,32 +143,30 @@ def _fitted(direction: F64, centers: F64, areas: F64) -> tuple[F64, float]:
     return normal, weighted_quantile(centers @ normal, areas, 0.5)
 
 
-def _owners(vertices: F64, faces: I64, normals: F64, walls: Walls, noise: float) -> I64:
+def _owners(smooth: Facets, pairs: Pairs, walls: Walls, noise: float) -> I64:
     """Return [F] the wall of every face, -1 where it is of none."""
-    tri = vertices[faces]
-    areas = 0.5 * np.linalg.norm(np.cross(tri[:, 1] - tri[:, 0], tri[:, 2] - tri[:, 0]), axis=1)
-    best, owner = np.full(len(faces), np.inf), np.full(len(faces), -1, np.int64)
+    faces, normals, areas = len(smooth.areas), smooth.normals, smooth.areas
+    best, owner = np.full(faces, np.inf), np.full(faces, -1, np.int64)
     for number in range(len(walls)):
         normal = walls.normals[number]
-        gap = np.abs(tri.mean(1) @ normal - walls.offsets[number]) / noise
+        gap = np.abs(smooth.centers @ normal - walls.offsets[number]) / noise
         along = normals @ normal
         cost = np.where((gap < NEAR) & (along > BEVEL), gap + ASKEW * (1 - along), np.inf)
         owner[cost < best] = number
         best = np.minimum(best, cost)
-    one, two = _neighbours(faces)
+    one, two = pairs
     linked = (owner[one] == owner[two]) & (owner[one] >= 0)
-    links = coo_matrix((np.ones(linked.sum()), (one[linked], two[linked])), (len(faces),) * 2)
+    links = coo_matrix((np.ones(linked.sum()), (one[linked], two[linked])), (faces, faces))
     count, patch = connected_components(links, directed=False)
     along = (normals * walls.normals[owner]).sum(1)
     level = np.bincount(patch, areas * (along > LEVEL), count)
     whole = np.bincount(patch, areas, count)
     owner[((whole < (PATCH * noise) ** 2) | (level < MOSTLY * whole))[patch]] = -1
-    owner[_going_on(owner, patch, normals, walls, (one, two))[patch]] = -1
+    owner[_going_on(owner, patch, normals, walls, pairs)[patch]] = -1
     return owner
 
 
-def _going_on(owner: I64, patch: I64, normals: F64, walls: Walls,
-              pairs: tuple[NDArray[np.intp], NDArray[np.intp]]) -> Mask:
+def _going_on(owner: I64, patch: I64, normals: F64, walls: Walls, pairs: Pairs) -> Mask:
     """Return per patch whether the surface around it goes on as it looks: curved, no wall.
 
     A wall ends at edges or steps; the flat cap of a ball is bounded by more of the ball.
@@ -208,19 +203,21 @@ def _moved(vertices: F64, faces: I64, walls: Walls, owner: I64, noise: float) ->
     return out
 
 
-def _smoothed(vertices: F64, faces: I64) -> F64:
-    """Return [F, 3] unit normals averaged over the rings around every face, weighed by area."""
+def _smoothed(vertices: F64, faces: I64) -> Facets:
+    """Return all faces, normals averaged over the rings around each, weighed by area."""
     tri = vertices[faces]
     normals = np.cross(tri[:, 1] - tri[:, 0], tri[:, 2] - tri[:, 0])
+    areas = 0.5 * np.linalg.norm(normals, axis=1)
     one, two = _neighbours(faces)
     ring = coo_matrix((np.ones(2 * len(one)), (np.r_[one, two], np.r_[two, one])),
                       (len(faces),) * 2).tocsr()
     for _ in range(SMOOTHINGS):
         normals = normals + ring @ normals
-    return np.asarray(normals / np.maximum(np.linalg.norm(normals, axis=1), 1e-300)[:, None])
+    length = np.linalg.norm(normals, axis=1, keepdims=True)
+    return Facets(tri.mean(1), np.asarray(normals / np.maximum(length, 1e-300)), areas)
 
 
-def _neighbours(faces: I64) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+def _neighbours(faces: I64) -> Pairs:
     """Return the pairs of faces that share an edge of a closed mesh."""
     edges = np.sort(np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]), axis=1)
     order = np.lexsort(edges.T)

@@ -14,14 +14,13 @@ import numpy as np
 
 from part2gs_robotics.model.arrays import F64, Mask
 from part2gs_robotics.model.kinematics import moving_parts, part_transforms, subtree
-from part2gs_robotics.model.solids import bounds, thickness, to_manifold
+from part2gs_robotics.model.solids import simpler, size_of, thickness, to_manifold
 from part2gs_robotics.model.twin import Part, Twin
 
 if TYPE_CHECKING:
-    from manifold3d import Manifold
+    pass
 
 COARSE = 3e-4  # of the size: parts are compared as simple as that, as fine as what contact is
-KEPT = 0.5  # of its volume such a copy must keep, else the part itself is taken: panes vanish
 CONTACT = 3e-4  # of the size: overlap as thick in the mean; the deepest point lies twice as deep
 TURN_BACK, SLIDE_BACK = np.deg2rad(0.5), 1e-3  # rad, of the size: room for collision pieces' gap
 TURN_STEP = np.deg2rad(2.0)  # a point at half a diagonal moves 1.7 % of it: no wall is missed
@@ -45,8 +44,7 @@ def with_free_ranges(twin: Twin) -> Twin:
     Args:
         twin: with closed meshes, in one frame.
     """
-    low, high = bounds(tuple(p.mesh for p in twin.parts))
-    sweep = _Sweep(twin, float(np.linalg.norm(high - low)))
+    sweep = _Sweep(twin, size_of(tuple(p.mesh for p in twin.parts)))
     limits = {index: sweep.range_of(index) for index in moving_parts(twin)}
     for one, two in combinations(limits, 2):
         limits |= sweep.agreed(one, two, limits)
@@ -75,7 +73,7 @@ class _Sweep:
 
     def __init__(self, twin: Twin, size: float) -> None:
         self.twin, self.size = twin, size
-        self.solids = [_coarse(to_manifold(part.mesh), COARSE * size) for part in twin.parts]
+        self.solids = [simpler(to_manifold(part.mesh), COARSE * size) for part in twin.parts]
         self.moving = moving_parts(twin)
         joints = [twin.parts[i].joint for i in self.moving]
         self.observed = [0.0 if joint is None else joint.value for joint in joints]
@@ -205,8 +203,3 @@ def _shared(below: _Reach, above: _Reach, spare: float) -> tuple[float, float]:
         return max(down, 0.0), max(spare - max(down, 0.0), 0.0)
     share = spare / (below.way + above.way)
     return share * below.way, share * above.way
-
-
-def _coarse(real: Manifold, step: float) -> Manifold:
-    simple = real.simplify(step)
-    return simple if simple.volume() > KEPT * real.volume() else real

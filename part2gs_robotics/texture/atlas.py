@@ -9,13 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from part2gs_robotics.model.arrays import F32, I64
+from part2gs_robotics.model.solids import corner_normals
 from part2gs_robotics.model.twin import PartMesh
 from part2gs_robotics.texture.chart_kernels import cover
 from part2gs_robotics.texture.charts import (
+    STEEPEST,
     Charts,
     make_charts,
     pack,
-    smooth_normals,
     whole_steps,
 )
 
@@ -76,7 +77,9 @@ def _filled(mesh: PartMesh, charts: Charts, placed: NDArray[np.float64],
     faces, bary = owner.ravel()[pixels], weights.reshape(-1, 3)[pixels]
     corners = mesh.vertices[mesh.faces].astype(np.float32)
     points = np.einsum("tc,tci->ti", bary, corners[faces])
-    normals = np.einsum("tc,tci->ti", bary, smooth_normals(mesh)[faces])
+    # A reconstructed wall may be crumpled; the real one, whose colour is asked for, is not.
+    calm = corner_normals(mesh.vertices, mesh.faces, STEEPEST).astype(np.float32)
+    normals = np.einsum("tc,tci->ti", bary, calm[faces])
     normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12)
     uv = placed / np.array([shape[1], shape[0]])
     uv[..., 1] = 1.0 - uv[..., 1]  # pictures count rows from the top

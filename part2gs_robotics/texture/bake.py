@@ -11,7 +11,7 @@ from part2gs_robotics.model.arrays import F32, F64, I64
 from part2gs_robotics.model.kinematics import moves, part_transforms
 from part2gs_robotics.model.scene import Scene, StateViews
 from part2gs_robotics.model.se3 import apply
-from part2gs_robotics.model.solids import bounds
+from part2gs_robotics.model.solids import bounds, size_of
 from part2gs_robotics.model.twin import Part, PartMesh, Texture, Twin
 from part2gs_robotics.texture.atlas import Atlas, make_atlas
 from part2gs_robotics.texture.bake_kernels import blend, gather
@@ -52,18 +52,13 @@ def _samples(state: StateViews, parts: tuple[Part, ...], places: list[F64],
     """Return the best samples of every part's texels from the photos of one state."""
     out = [(np.zeros((len(a.pixels), SAMPLES), np.float32),
             np.zeros((len(a.pixels), SAMPLES, 3), np.float32)) for a in atlases]
-    size = _size(parts)
+    size = size_of(tuple(part.mesh for part in parts))
     for views in _batches(state, parts, places, size):
         for atlas, place, mine in zip(atlases, places, out, strict=True):
             move = np.ascontiguousarray((views.viewmats @ place)[:, :3])
             gather(atlas.points, atlas.normals, move, views.Ks, views.images, views.trust,
                    views.depths, size, POWER, *mine)
     return out
-
-
-def _size(parts: tuple[Part, ...]) -> float:
-    low, high = bounds(tuple(part.mesh for part in parts))
-    return float(np.linalg.norm(high - low))
 
 
 def _texel(scene: Scene, middle: F64) -> float:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from part2gs_robotics.model.arrays import F32, F64, I64
+from part2gs_robotics.model.arrays import F64, I64
 from part2gs_robotics.model.twin import PartMesh
 from part2gs_robotics.texture.chart_kernels import grow, overlapping
 
@@ -72,31 +72,6 @@ def neighbours(faces: I64) -> I64:
     one, two = order[first], order[first + 1]
     out[one], out[two] = two // 3, one // 3
     return out.reshape(-1, 3)
-
-
-def smooth_normals(mesh: PartMesh, crease: float = STEEPEST) -> F32:
-    """Return [F, 3, 3] unit normals of the corners, averaged over faces within the crease.
-
-    A reconstructed wall is crumpled by half a voxel; the real one, whose colour is asked for, is
-    not. Across an edge sharper than the crease nothing is averaged.
-    """
-    corners = mesh.vertices[mesh.faces]
-    cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    unit = cross / np.maximum(np.linalg.norm(cross, axis=1, keepdims=True), 1e-300)
-    total = np.zeros((len(mesh.faces), 3, 3))
-    around = mesh.faces.ravel()
-    order = np.argsort(around, kind="stable")
-    starts = np.searchsorted(around[order], np.arange(len(mesh.vertices) + 1))
-    degree = np.diff(starts)
-    for step in range(int(degree.max(initial=0))):  # the step-th face around every corner's vertex
-        has = degree[around] > step
-        other = order[np.minimum(starts[:-1][around] + step, len(order) - 1)] // 3
-        mine = np.repeat(np.arange(len(mesh.faces)), 3)
-        near = has & (np.einsum("ni,ni->n", unit[mine], unit[other]) > crease)
-        total.reshape(-1, 3)[near] += cross[other[near]]
-    length = np.linalg.norm(total, axis=-1, keepdims=True)
-    calm = np.where(length > 0, total / np.maximum(length, 1e-300), unit[:, None])
-    return calm.astype(np.float32)
 
 
 def _groups(chart: I64) -> list[I64]:

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from synth import toy_cabinet_twin
 
-from part2gs_robotics.exporters.meshfile import write_meshes, write_obj
+from part2gs_robotics.exporters.meshfile import CREASE, write_meshes, write_obj
 from part2gs_robotics.exporters.mjcf import write_mjcf
-from part2gs_robotics.exporters.normals import corner_normals
 from part2gs_robotics.model.se3 import rotation_from_rotvec
+from part2gs_robotics.model.solids import corner_normals
 from part2gs_robotics.model.twin import PartMesh
 
 
@@ -30,14 +30,13 @@ def face_normals(vertices, faces):
 def test_a_box_is_flat_up_to_its_edges(scale):
     vertices, faces = arrays(manifold3d.Manifold.cube((1.0, 2.0, 0.1)))
     vertices = scale * vertices @ rotation_from_rotvec(np.array([0.4, -0.2, 1.0])).T
-    own = face_normals(vertices, faces)
-    np.testing.assert_allclose(corner_normals(vertices, faces), np.repeat(own[:, None], 3, 1),
-                               atol=1e-12)
+    wanted = np.repeat(face_normals(vertices, faces)[:, None], 3, 1)
+    np.testing.assert_allclose(corner_normals(vertices, faces, CREASE), wanted, atol=1e-12)
 
 
 def test_a_ball_is_round():
     vertices, faces = arrays(manifold3d.Manifold.sphere(2.0, 64))
-    normals = corner_normals(vertices, faces)
+    normals = corner_normals(vertices, faces, CREASE)
     cos = (normals * vertices[faces] / 2.0).sum(2)
     assert np.rad2deg(np.arccos(cos.clip(-1, 1))).max() < 1.5
     flat = (face_normals(vertices, faces)[:, None] * vertices[faces] / 2.0).sum(2)
@@ -46,7 +45,7 @@ def test_a_ball_is_round():
 
 def test_a_face_without_area_has_a_normal_too():
     vertices = np.array([[0.0, 0, 0], [1, 0, 0], [2, 0, 0], [0, 1, 0]])
-    normals = corner_normals(vertices, np.array([[0, 1, 2], [0, 1, 3]]))
+    normals = corner_normals(vertices, np.array([[0, 1, 2], [0, 1, 3]]), CREASE)
     np.testing.assert_allclose(np.linalg.norm(normals, axis=2), 1.0)
 
 
