@@ -3,11 +3,12 @@
     python benchmarks/same_twins.py --kit KIT --work DIR -o before.json      # at one commit
     python benchmarks/same_twins.py --kit KIT --work DIR -o after.json --against before.json
 
-A change that moves code must leave every number as it was: geometry, joints, limits, masses and
-splats are compared byte by byte, on one machine. What says when and how long (reports, logs) and
-what is said in words (the notes of twin.yaml) is no part of a twin. The script needs nothing of the
-package, so it runs at either commit with that commit's `part2gs-robot`. Scenes in DIR/scenes are
-used again; builds in DIR/twins are made anew unless --keep is given.
+A change that moves code must leave every number as it was: geometry, joints, limits, masses,
+textures and splats are compared byte by byte, on one machine. What says when, how long and where
+(reports, logs, settings) and what is said in words (the notes of twin.yaml) is no part of a twin.
+The script needs nothing of the package, so it runs at either commit with that commit's
+`part2gs-robot`. Scenes in DIR/scenes are used again; builds in DIR/twins are made anew unless
+--keep is given.
 """
 
 from __future__ import annotations
@@ -33,7 +34,7 @@ OBJECTS = {name: name for name in (
                             "pm_103275_stapler_nested": "pm_103275_stapler"}  # fmt: skip
 STANDARD = "sektion_cabinet"
 # Of a twin folder; reports and logs tell the time, stages their code.
-COMPARED = (".xml", ".urdf", ".obj", ".ply", ".yaml")
+COMPARED = (".xml", ".urdf", ".obj", ".mtl", ".png", ".ply", ".yaml")
 WORDS = ("notes", "build")  # of twin.yaml: sentences, version
 
 
@@ -78,7 +79,7 @@ def hashes(folder: Path) -> dict[str, str]:
     """Return a hash of every file of a twin folder that describes the twin."""
     out = {}
     for path in sorted(folder.iterdir()):
-        if path.suffix in COMPARED:
+        if path.suffix in COMPARED and path.name != "config.yaml":  # which names the folder
             data = path.read_bytes()
             if path.name == "twin.yaml":
                 kept = {k: v for k, v in yaml.safe_load(data).items() if k not in WORDS}

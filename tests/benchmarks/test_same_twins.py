@@ -18,6 +18,7 @@ def twin(folder, mesh="v 0 0 0\n", mass=1.0, note="as photographed"):
     (folder / "twin.yaml").write_text(
         f"mass: {mass}\nnotes:\n- {note}\nbuild: {{version: {note}}}\n")
     (folder / "report.json").write_text(json.dumps({"seconds": note}))
+    (folder / "config.yaml").write_text(f"out: {folder}\n")
     return folder
 
 
