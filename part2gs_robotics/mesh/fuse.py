@@ -26,6 +26,9 @@ FEW_VIEWS = np.float32(3)  # fewer may all look from one side: no share is known
 FREE_AHEAD = 1.5  # voxels: 3 pulls faces in by a third of a voxel, 0.5 lets depth noise tear them
 SURE = 12  # views that see a whole block free, with room to spare, end the discussion
 GRAZING = 0.15  # cosine, 81 degrees: beyond, one pixel of error moves the surface by 7 pixels
+CLEAR = 1.5  # voxels before a surface, beyond its noise: such a view sees the point free
+NARROW = 0.3  # cosine: pixels of steeper surfaces would hide all that lies before them
+SUMS = 11  # what _add_voxel counts
 
 
 @dataclass(frozen=True)
@@ -42,6 +45,10 @@ class Fused:
         hidden: views in which any part hides the point, deeper than the truncation.
         enclosed: of the views that cannot see the point, the share that this part's own surface
             stops; the larger one of the two states.
+        background: views in which the point lies on background.
+        clear: views that see well past the point, these among them.
+        behind: weight of views whose first surface is this part's, and the point right behind it.
+        behind_other: the same for other parts' surfaces.
     """
 
     grid: Grid
@@ -51,6 +58,10 @@ class Fused:
     other: F32
     hidden: F32
     enclosed: F32
+    background: F32
+    clear: F32
+    behind: F32
+    behind_other: F32
 
 
 def fuse(grid: Grid, part: int, states: Sequence[tuple[PartMaps, F64]],
@@ -63,7 +74,7 @@ def fuse(grid: Grid, part: int, states: Sequence[tuple[PartMaps, F64]],
         states: per state, its maps and the [4, 4] world_at_state_from_world_at_0 of the part.
         truncation: scene units.
     """
-    sums = np.zeros((7, *grid.shape), np.float32)
+    sums = np.zeros((SUMS, *grid.shape), np.float32)
     hidden, enclosed = np.zeros_like(sums[0]), np.zeros_like(sums[0])
     for maps, world_from_grid in states:
         projections = maps.maps.projections @ world_from_grid
@@ -76,7 +87,8 @@ def fuse(grid: Grid, part: int, states: Sequence[tuple[PartMaps, F64]],
         enclosed = np.maximum(enclosed, sums[4] / np.maximum(blocked, FEW_VIEWS))
         hidden += blocked
     distance, weight = _mean_distance(sums[0], sums[1], sums[6], truncation, grid.voxel)
-    return Fused(grid, distance, weight, sums[2], sums[3], hidden, enclosed)
+    return Fused(grid, distance, weight, sums[2], sums[3], hidden, enclosed, sums[7],
+                 sums[6] + sums[8], sums[9], sums[10])
 
 
 def _mean_distance(total: F32, near: F32, free: F32, truncation: float,
@@ -135,12 +147,18 @@ def _add_voxel(p: F64, m: F64, depth: F32, labels: NDArray[np.uint8], facing: F3
         return
     if low > w + FAR * trunc or (low > w + trunc and high == np.inf):
         sums[6, x, y, z] += 1.0  # free: every pixel looks past it
+        if low == np.inf:
+            sums[7, x, y, z] += 1.0
         return
     near_i, near_j = i + (1 if v - i > 0.5 else 0), j + (1 if u - j > 0.5 else 0)
     own, slope = labels[near_i, near_j] == part, facing[near_i, near_j]
     if high < w - FAR * trunc:
         sums[4 if own else 5, x, y, z] += 1.0
         return
+    if low > w + CLEAR * voxel / max(slope, NARROW):
+        sums[8, x, y, z] += 1.0
+    elif high < w:
+        sums[9 if own else 10, x, y, z] += slope
     if high - low > 2.0 * voxel / max(slope, GRAZING) or slope < GRAZING:
         return  # an edge or a grazing surface: its distance is unknown
     fu, fv = u - j, v - i
@@ -163,7 +181,7 @@ def _add_voxel(p: F64, m: F64, depth: F32, labels: NDArray[np.uint8], facing: F3
 @kernel
 def _block_view(p: F64, m: F64, nearest: F32, farthest: F32, labels: NDArray[np.uint8], part: int,
                 trunc: float, reach: float) -> int:
-    """Return 6 free, 4 hidden by the part, 5 hidden by another, -1 ask the view voxel by voxel."""
+    """Return 4 hidden by the part, 5 by another, 6 free, 7 background, -1 ask voxel by voxel."""
     height, width = nearest.shape
     w = m[2, 0] * p[0] + m[2, 1] * p[1] + m[2, 2] * p[2] + m[2, 3]
     if not w > reach:
@@ -174,7 +192,7 @@ def _block_view(p: F64, m: F64, nearest: F32, farthest: F32, labels: NDArray[np.
         return -1
     i, j = int(v), int(u)
     if nearest[i, j] > w + reach + FAR * trunc:
-        return 6
+        return 7 if nearest[i, j] == np.inf else 6
     if farthest[i, j] < w - reach - FAR * trunc:
         return 4 if labels[i, j] == part else 5
     return -1
@@ -192,12 +210,14 @@ def _fuse(lo: F64, voxel: float, projections: F64, depths: F32, labels: NDArray[
         x1, y1, z1 = min(x0 + BLOCK, nx), min(y0 + BLOCK, ny), min(z0 + BLOCK, nz)
         center = np.array([lo[0] + voxel * (x0 + half), lo[1] + voxel * (y0 + half),
                            lo[2] + voxel * (z0 + half)])
-        p, count = np.zeros(3), np.zeros(7)
+        p, count = np.zeros(3), np.zeros(8)
         for v in range(len(projections)):
             m = projections[v]
             verdict = _block_view(center, m, nearest[v], farthest[v], labels[v], part, trunc, reach)
             if verdict >= 0:
                 count[verdict] += 1.0
+                if verdict == 7:
+                    count[6] += 1.0
                 if count[6] >= SURE:
                     break
                 continue
@@ -209,6 +229,6 @@ def _fuse(lo: F64, voxel: float, projections: F64, depths: F32, labels: NDArray[
                     for z in range(z0, z1):
                         p[2] = lo[2] + voxel * z
                         _add_voxel(p, m, depth, label, slope, part, trunc, voxel, sums, x, y, z)
-        for c in range(4, 7):
+        for c in range(4, 8):
             if count[c] > 0.0:
                 sums[c, x0:x1, y0:y1, z0:z1] += np.float32(count[c])

@@ -1,0 +1,83 @@
+"""Board solid: a part of flat faces and sharp edges, out of what photos say and likely planes."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.ndimage import map_coordinates
+
+from part2gs_robotics.boards.cells import Cells, cells_of
+from part2gs_robotics.boards.cut import Belief, inside_cells
+from part2gs_robotics.boards.facets import smooth_facets
+from part2gs_robotics.boards.outlines import Outlines, drawn_to_outlines
+from part2gs_robotics.boards.planes import families
+from part2gs_robotics.boards.polyhedra import convex_cells, joined
+from part2gs_robotics.model.arrays import F32, F64, I64, Mask
+
+if TYPE_CHECKING:
+    from manifold3d import Manifold
+
+
+@dataclass(frozen=True)
+class BoardSolid:
+    """A solid of flat faces.
+
+    Attributes:
+        cells: that its planes make of its box.
+        inside: [C] which cells are inside.
+        pieces: convex solids that it is the union of.
+        whole: their union, closed; empty if no cell is inside.
+    """
+
+    cells: Cells
+    inside: Mask
+    pieces: list[Manifold]
+    whole: Manifold
+
+    @property
+    def values(self) -> F32:
+        """[X, Y, Z] 1 inside, -1 outside, at the voxels of the grid."""
+        filled = self.inside[self.cells.of_voxel]
+        return np.where(filled, np.float32(1), np.float32(-1))
+
+
+def refined(solid: BoardSolid, states: Sequence[Outlines]) -> BoardSolid:
+    """Return the solid with its planes moved onto the outlines of masks.
+
+    Args:
+        solid: of a part.
+        states: masks of both states, with cameras in the part's frame.
+    """
+    raw, cells = solid.whole.to_mesh64(), solid.cells
+    vertices = np.array(raw.vert_properties[:, :3], np.float64)
+    moved = drawn_to_outlines(cells.families, vertices, np.array(raw.tri_verts, np.int64), states,
+                              cells.grid.voxel)
+    cells = replace(cells, families=moved)
+    pieces = convex_cells(cells, solid.inside)
+    return BoardSolid(cells, solid.inside, pieces, joined(pieces, cells.grid.voxel))
+
+
+def board_solid(belief: Belief, vertices: F64, faces: I64, edges: F64) -> BoardSolid:
+    """Return the solid of flat faces that explains a belief best.
+
+    Args:
+        belief: what photos say about the part.
+        vertices: [V, 3] of its noisy closed surface, where planes are looked for.
+        faces: [F, 3] outward.
+        edges: [E, 3] unit directions of straight edges, in the part's frame at state 0.
+
+    Source: cells of planes labelled by a minimum cut, after Chauve, Labatut and Pons 2010; their
+        planes come from fitted surfaces and from edges in the photos.
+    """
+    surface, grid = smooth_facets(vertices, faces), belief.grid
+    tri = vertices[faces]
+    flux = 0.5 * np.cross(tri[:, 1] - tri[:, 0], tri[:, 2] - tri[:, 0])
+    place = ((surface.centers - grid.lo) / grid.voxel).T
+    observed = map_coordinates(belief.surface, place, order=1, mode="nearest")
+    cells = cells_of(grid, families(surface, flux, observed, edges, grid.voxel))
+    inside = inside_cells(cells, belief)
+    pieces = convex_cells(cells, inside)
+    return BoardSolid(cells, inside, pieces, joined(pieces, grid.voxel))

@@ -1,0 +1,47 @@
+"""Cells: families of planes cut a grid's box into convex cells; voxels stand for their volumes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from part2gs_robotics.boards.planes import Family
+from part2gs_robotics.model.arrays import I64
+from part2gs_robotics.model.grid import Grid
+
+
+@dataclass(frozen=True)
+class Cells:
+    """C convex cells that hold a voxel centre.
+
+    Attributes:
+        grid: the voxels.
+        families: the planes.
+        of_voxel: [X, Y, Z] int32 cell of every voxel.
+        digits: [C, F] how many planes of every family a cell lies above.
+    """
+
+    grid: Grid
+    families: tuple[Family, ...]
+    of_voxel: NDArray[np.int32]
+    digits: I64
+
+    def __len__(self) -> int:
+        """Number of cells."""
+        return len(self.digits)
+
+
+def cells_of(grid: Grid, families: tuple[Family, ...]) -> Cells:
+    """Return the cells that planes cut a grid's box into."""
+    axes = [grid.lo[i] + grid.voxel * np.arange(n) for i, n in enumerate(grid.shape)]
+    bases = [len(f.offsets) + 1 for f in families]
+    code = np.zeros(grid.shape, np.int64)
+    for family, base in zip(families, bases, strict=True):
+        x, y, z = (n * axis for n, axis in zip(family.normal, axes, strict=True))
+        levels = x[:, None, None] + y[None, :, None] + z[None, None, :]
+        code = code * base + np.searchsorted(family.offsets, levels)
+    used, of_voxel = np.unique(code, return_inverse=True)
+    digits = np.stack(np.unravel_index(used, bases), 1) if bases else np.zeros((1, 0), np.int64)
+    return Cells(grid, families, of_voxel.reshape(grid.shape).astype(np.int32), digits)

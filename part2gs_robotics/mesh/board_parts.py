@@ -1,0 +1,114 @@
+"""Board parts: every part as a solid of flat faces, none in the way of another."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from part2gs_robotics.boards.board_solid import BoardSolid, board_solid
+from part2gs_robotics.boards.cut import Belief
+from part2gs_robotics.errors import MeshError
+from part2gs_robotics.evidence.edges import bundled, edge_families
+from part2gs_robotics.evidence.segments import segments_of
+from part2gs_robotics.mesh.carve import Solid, carve
+from part2gs_robotics.mesh.fuse import Fused
+from part2gs_robotics.mesh.part_solids import DEEP_SHARE
+from part2gs_robotics.mesh.place import Place
+from part2gs_robotics.mesh.surface import arrays, closed_surface
+from part2gs_robotics.model.arrays import F32, F64, Mask
+from part2gs_robotics.model.kinematics import chain, sweep
+from part2gs_robotics.model.scene import Scene
+from part2gs_robotics.model.se3 import inverse
+
+logger = logging.getLogger(__name__)
+DOUBT = 2.0  # views that see past a point against one that sees it behind a surface: depth is noisy
+OUTSIDE = 2  # views that see background there: one may be a wrong mask
+FULL = 2.0  # weight of views, two that face it, at which a surface counts as seen
+NEAR = 1.2  # voxels from a surface: the two faces beside it
+ENCLOSED = 0.1  # belief per voxel that nearly every view says is inside a part, though none saw it
+REST = 0.02  # the same of what nobody saw of the base: walls rather stand than hang
+ROOM = 0.5  # voxels kept free round what moves
+SAME = np.cos(np.deg2rad(1.5))  # directions of edges that are one
+
+
+def edge_directions(scene: Scene, place: Place) -> list[F64]:
+    """Return per part [E, 3] directions of straight edges of both states, in its frame."""
+    found = [[d for d, _ in edge_families(bundled([segments_of(state)]), np.random.default_rng(0))]
+             for state in scene.states]
+    out = []
+    for k in range(place.count):
+        back = place.state1_from_0[k][:3, :3].T
+        kept: list[F64] = []
+        for edge in (*found[0], *(back @ e for e in found[1])):
+            if all(abs(edge @ other) < SAME for other in kept):
+                kept.append(edge)
+        out.append(np.array(kept).reshape(-1, 3))
+    return out
+
+
+def board_parts(place: Place, evidence: Sequence[Fused], raw: Sequence[Solid],
+                edges: Sequence[F64]) -> list[BoardSolid]:
+    """Return the solids of flat faces of all parts, base first.
+
+    Args:
+        place: joints, and the part that carries each.
+        evidence: per part.
+        raw: the noisy solids of the parts, in whose surfaces planes are looked for.
+        edges: per part, [E, 3] directions.
+    """
+    found: dict[int, BoardSolid] = {}
+    for k in (*range(1, place.count), 0):
+        belief, solid = belief_of(evidence[k], k == 0), raw[k]
+        taken = _taken(k, found, place, solid)
+        if taken.any():
+            belief = replace(belief, inside=np.where(taken, np.float32(-1), belief.inside))
+            away = np.where(taken, np.minimum(solid.values, np.float32(-1)), solid.values)
+            solid = replace(solid, values=away)
+        surface = closed_surface(solid, f"part {k}", 1.0)
+        found[k] = board_solid(belief, *arrays(surface), edges[k])
+    return [found[k] for k in range(place.count)]
+
+
+def belief_of(fused: Fused, base: bool) -> Belief:
+    """Return what views say about a part.
+
+    Args:
+        fused: evidence.
+        base: what nobody saw of it is there rather than not.
+    """
+    free = np.float32(DOUBT) * fused.clear
+    votes = fused.behind + free + fused.behind_other
+    inside = (fused.behind - free - fused.behind_other) / (votes + np.float32(1))
+    if base:
+        unseen: F32 | np.float32 = np.float32(REST)
+    else:
+        unseen = np.where(fused.enclosed >= DEEP_SHARE, np.float32(ENCLOSED),
+                          np.float32(-0.5 * ENCLOSED))
+    inside = np.where(votes < 0.5, unseen, inside)
+    inside = np.where(fused.background >= OUTSIDE, np.float32(-1), inside)
+    near = np.abs(fused.distance) < NEAR * fused.grid.voxel
+    surface = np.where(near, np.clip(fused.own / np.float32(FULL), 0, 1), np.float32(0))
+    return Belief(fused.grid, inside.astype(np.float32), surface.astype(np.float32))
+
+
+def _taken(part: int, others: dict[int, BoardSolid], place: Place, solid: Solid) -> Mask:
+    """Return [X, Y, Z] where other parts are, or come by."""
+    grid = solid.grid
+    full = Solid(grid, np.full(grid.shape, 3.0, np.float32))
+    taken = np.zeros(grid.shape, bool)
+    for other, found in others.items():
+        rival = Solid(found.cells.grid, found.values)
+        if not (rival.values > 0).any():
+            continue
+        if part:  # two that move may well meet elsewhere: a drawer runs into a shut door
+            values = [j.value for j in place.joints]
+            poses = np.stack([inverse(chain(other, place.joints, place.parents, q))
+                              @ chain(part, place.joints, place.parents, q)
+                              for q in ([0.0] * len(values), values)])
+        else:
+            poses = sweep(other, part, place.joints, place.parents, rival.corners(), grid.voxel)
+        taken |= carve(full, rival, poses, ROOM).values < 0
+    return taken
