@@ -26,12 +26,14 @@ class BoardSolid:
     """A solid of flat faces.
 
     Attributes:
+        belief: what photos say about it.
         cells: that its planes make of its box.
         inside: [C] which cells are inside.
         pieces: convex solids that it is the union of.
         whole: their union, closed; empty if no cell is inside.
     """
 
+    belief: Belief
     cells: Cells
     inside: Mask
     pieces: list[Manifold]
@@ -57,7 +59,7 @@ def refined(solid: BoardSolid, states: Sequence[Outlines]) -> BoardSolid:
                               cells.grid.voxel)
     cells = replace(cells, families=moved)
     pieces = convex_cells(cells, solid.inside)
-    return BoardSolid(cells, solid.inside, pieces, joined(pieces, cells.grid.voxel))
+    return replace(solid, cells=cells, pieces=pieces, whole=joined(pieces, cells.grid.voxel))
 
 
 def board_solid(belief: Belief, vertices: F64, faces: I64, edges: F64) -> BoardSolid:
@@ -78,6 +80,20 @@ def board_solid(belief: Belief, vertices: F64, faces: I64, edges: F64) -> BoardS
     place = ((surface.centers - grid.lo) / grid.voxel).T
     observed = map_coordinates(belief.surface, place, order=1, mode="nearest")
     cells = cells_of(grid, families(surface, flux, observed, edges, grid.voxel))
-    inside = inside_cells(cells, belief)
+    return _of_cells(belief, cells, 0.0)
+
+
+def filled(solid: BoardSolid, worth: F64) -> BoardSolid:
+    """Return the solid cut anew with more that speaks for its cells.
+
+    Args:
+        solid: of a part.
+        worth: [C] in voxels of full belief.
+    """
+    return _of_cells(solid.belief, solid.cells, worth)
+
+
+def _of_cells(belief: Belief, cells: Cells, worth: F64 | float) -> BoardSolid:
+    inside = inside_cells(cells, belief, worth)
     pieces = convex_cells(cells, inside)
-    return BoardSolid(cells, inside, pieces, joined(pieces, grid.voxel))
+    return BoardSolid(belief, cells, inside, pieces, joined(pieces, cells.grid.voxel))

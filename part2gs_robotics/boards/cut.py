@@ -10,7 +10,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import coo_matrix, csr_matrix
 from scipy.sparse.csgraph import breadth_first_order, maximum_flow
 
@@ -40,10 +39,16 @@ class Belief:
     surface: F32
 
 
-def inside_cells(cells: Cells, belief: Belief) -> NDArray[np.bool_]:
-    """Return [C] which cells are inside."""
+def inside_cells(cells: Cells, belief: Belief, worth: F64 | float = 0.0) -> Mask:
+    """Return [C] which cells are inside.
+
+    Args:
+        cells: to choose from.
+        belief: about their voxels.
+        worth: [C] what else speaks for a cell, in voxels of full belief.
+    """
     count = len(cells)
-    gain = np.bincount(cells.of_voxel.ravel(), belief.inside.ravel().astype(float), count)
+    gain = np.bincount(cells.of_voxel.ravel(), belief.inside.ravel().astype(float), count) + worth
     one, two, cost = _faces(cells, belief.surface)
     ties = coo_matrix((np.r_[cost, cost], (np.r_[one, two], np.r_[two, one])), (count, count))
     return _cut(gain, ties.tocsr())

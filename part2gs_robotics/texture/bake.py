@@ -17,7 +17,8 @@ from part2gs_robotics.texture.atlas import Atlas, make_atlas
 from part2gs_robotics.texture.bake_kernels import blend, gather
 from part2gs_robotics.texture.even import evened
 from part2gs_robotics.texture.fill import fill
-from part2gs_robotics.texture.views import NEAR, Views, draw_depths, trusted
+from part2gs_robotics.render.mesh_depths import NEAR, draw_depths
+from part2gs_robotics.texture.views import Views, trusted
 
 Samples = tuple[F32, F32]  # [T, B] weights, best first, and [T, B, 3] colours
 BATCH = 16  # photos whose depth is held at once: 64 MB at 1024 x 1024 pixels

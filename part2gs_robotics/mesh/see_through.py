@@ -1,0 +1,102 @@
+"""See-through: where a twin lets photos look through it though they show a surface there.
+
+A fitted depth may be too noisy for a cell to be inside by it alone: a floor without texture, a pane
+that bulges. But every pixel of the mask must end on something; the cells along its ray, those near
+the fitted depth first, share what stopping it is worth, and the cheapest of them are filled.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from part2gs_robotics.boards.board_solid import BoardSolid
+from part2gs_robotics.mesh.fuse import Fused
+from part2gs_robotics.mesh.part_maps import PartMaps
+from part2gs_robotics.mesh.place import Place
+from part2gs_robotics.model.arrays import F32, F64, Mask
+from part2gs_robotics.model.se3 import apply, inverse
+from part2gs_robotics.render.mesh_depths import NEAR, draw_depths
+
+BEYOND = 5.0  # cells behind the fitted depth: nearer is its noise
+REACH = 8.0  # cells before and behind it where the surface may be
+LIKELY = 3.0  # cells: deviation of fitted depths on surfaces without texture
+WORTH = 1.0  # belief that stopping the ray of a face of a cell is worth, in every photo
+RIM = 1  # pixels at outlines and rims of holes: there the twin may be off by as much
+
+
+def unstopped(boards: Sequence[BoardSolid], evidence: Sequence[Fused], place: Place,
+              maps: Sequence[PartMaps]) -> list[F64]:
+    """Return per part [C] what its cells are worth to rays that the twin does not stop.
+
+    Args:
+        boards: of all parts.
+        evidence: per part.
+        place: of the parts in both states.
+        maps: depth and part of every pixel, per state.
+    """
+    worth = [np.zeros(len(board.cells)) for board in boards]
+    voxel = boards[0].cells.grid.voxel
+    for s in (0, 1):
+        poses = [place.state1_from_0[k] if s else np.eye(4) for k in range(place.count)]
+        depths = _drawn(boards, poses, maps[s], voxel)
+        for view in range(len(maps[s].maps)):
+            for k, board in enumerate(boards):
+                holes = _holes(maps[s], depths[view], view, k, BEYOND * voxel)
+                if holes.any():
+                    points, share = _samples(maps[s], view, holes, voxel)
+                    _give(worth[k], board, evidence[k], apply(inverse(poses[k]), points), share)
+    return worth
+
+
+def _drawn(boards: Sequence[BoardSolid], poses: Sequence[F64], maps: PartMaps,
+           voxel: float) -> F32:
+    """Return [V, H, W] depth of the posed solids in every view, infinite beside them."""
+    corners, triangles, first = [np.zeros((0, 3))], [np.zeros((0, 3), np.int64)], 0
+    for board, pose in zip(boards, poses, strict=True):
+        raw = board.whole.to_mesh64()
+        vertices = np.asarray(raw.vert_properties, np.float64)[:, :3]
+        corners.append(apply(pose, vertices))
+        triangles.append(np.asarray(raw.tri_verts, np.int64) + first)
+        first += len(vertices)
+    depths = np.full(maps.maps.depths.shape, np.inf, np.float32)
+    draw_depths(np.concatenate(corners).astype(np.float32), np.concatenate(triangles),
+                maps.maps.Ks, maps.maps.viewmats, NEAR * voxel, depths)
+    return depths
+
+
+def _holes(maps: PartMaps, drawn: F32, view: int, part: int, beyond: float) -> Mask:
+    """Return [H, W] pixels of a part whose rays go on behind its fitted surface."""
+    from scipy.ndimage import binary_erosion
+
+    fitted = maps.maps.depths[view]
+    through = (fitted > 0) & (drawn > fitted + beyond)
+    if RIM and through.any():
+        through = binary_erosion(through, np.ones((2 * RIM + 1,) * 2))
+    return np.asarray(through & (maps.labels[view] == part))
+
+
+def _samples(maps: PartMaps, view: int, holes: Mask, voxel: float) -> tuple[F64, F64]:
+    """Return points [N, S, 3] along the rays of pixels, and what each is worth [N, S]."""
+    rows, columns = np.nonzero(holes)
+    depth = maps.maps.depths[view][rows, columns].astype(float)
+    K, world_from_camera = maps.maps.Ks[view], inverse(maps.maps.viewmats[view])
+    ray = np.stack([(columns + 0.5 - K[0, 2]) / K[0, 0], (rows + 0.5 - K[1, 2]) / K[1, 1],
+                    np.ones(len(rows))], 1)
+    steps = np.arange(-REACH, REACH + 1.0)
+    along = depth[:, None] + voxel * steps / np.linalg.norm(ray, axis=1)[:, None]
+    points = apply(world_from_camera, (along[:, :, None] * ray[:, None]).reshape(-1, 3))
+    footprint = (depth / K[0, 0] / voxel) ** 2  # of a pixel, in faces of cells
+    share = np.exp(-0.5 * (steps / LIKELY) ** 2)
+    return points, (WORTH * footprint)[:, None] * (share / share.sum())
+
+
+def _give(worth: F64, board: BoardSolid, fused: Fused, points: F64, share: F64) -> None:
+    """Add what samples are worth to the cells that they lie in, but not to background."""
+    grid = board.cells.grid
+    index = np.rint((points - grid.lo) / grid.voxel).astype(int)
+    inside = ((index >= 0) & (index < np.array(grid.shape))).all(1)
+    x, y, z = index[inside].T
+    kept = fused.background[x, y, z] < 2
+    np.add.at(worth, board.cells.of_voxel[x, y, z][kept], share.ravel()[inside][kept])
