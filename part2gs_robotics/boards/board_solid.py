@@ -54,6 +54,8 @@ def refined(solid: BoardSolid, states: Sequence[Outlines]) -> BoardSolid:
         states: masks of both states, with cameras in the part's frame.
     """
     raw, cells = solid.whole.to_mesh64(), solid.cells
+    if not solid.pieces:
+        return solid
     vertices = np.array(raw.vert_properties[:, :3], np.float64)
     moved = drawn_to_outlines(cells.families, vertices, np.array(raw.tri_verts, np.int64), states,
                               cells.grid.voxel)

@@ -5,23 +5,30 @@ from __future__ import annotations
 import logging
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from part2gs_robotics.boards.board_solid import BoardSolid, board_solid
+from part2gs_robotics.boards.board_solid import BoardSolid, board_solid, filled, refined
 from part2gs_robotics.boards.cut import Belief
-from part2gs_robotics.errors import MeshError
+from part2gs_robotics.boards.outlines import Outlines
 from part2gs_robotics.evidence.edges import bundled, edge_families
 from part2gs_robotics.evidence.segments import segments_of
 from part2gs_robotics.mesh.carve import Solid, carve
 from part2gs_robotics.mesh.fuse import Fused
+from part2gs_robotics.mesh.make_room import with_room, without_bits
+from part2gs_robotics.mesh.part_maps import PartMaps
 from part2gs_robotics.mesh.part_solids import DEEP_SHARE
 from part2gs_robotics.mesh.place import Place
-from part2gs_robotics.mesh.surface import arrays, closed_surface
+from part2gs_robotics.mesh.see_through import unstopped
+from part2gs_robotics.mesh.surface import arrays, closed_surface, flaw, vertices_apart
 from part2gs_robotics.model.arrays import F32, F64, Mask
 from part2gs_robotics.model.kinematics import chain, sweep
 from part2gs_robotics.model.scene import Scene
 from part2gs_robotics.model.se3 import inverse
+
+if TYPE_CHECKING:
+    from manifold3d import Manifold
 
 logger = logging.getLogger(__name__)
 DOUBT = 2.0  # views that see past a point against one that sees it behind a surface: depth is noisy
@@ -31,6 +38,7 @@ NEAR = 1.2  # voxels from a surface: the two faces beside it
 ENCLOSED = 0.1  # belief per voxel that nearly every view says is inside a part, though none saw it
 REST = 0.02  # the same of what nobody saw of the base: walls rather stand than hang
 ROOM = 0.5  # voxels kept free round what moves
+FILLINGS = 2  # times that rays which nothing stops are looked for
 SAME = np.cos(np.deg2rad(1.5))  # directions of edges that are one
 
 
@@ -49,19 +57,56 @@ def edge_directions(scene: Scene, place: Place) -> list[F64]:
     return out
 
 
-def board_parts(place: Place, evidence: Sequence[Fused], raw: Sequence[Solid],
-                edges: Sequence[F64]) -> list[BoardSolid]:
-    """Return the solids of flat faces of all parts, base first.
+def board_surfaces(place: Place, evidence: Sequence[Fused], wholes: Sequence[Solid],
+                   maps: Sequence[PartMaps], edges: Sequence[F64]) -> list[Manifold]:
+    """Return the closed surfaces of all parts as solids of flat faces, base first.
 
     Args:
         place: joints, and the part that carries each.
         evidence: per part.
-        raw: the noisy solids of the parts, in whose surfaces planes are looked for.
+        wholes: the noisy solids of the parts, in whose surfaces planes are looked for.
+        maps: depth and part of every pixel, per state.
         edges: per part, [E, 3] directions.
+
+    Raises:
+        MeshError: a part has no closed surface.
     """
+    boards, voxel = _cut_out(place, evidence, wholes, edges), wholes[0].grid.voxel
+    worth = [np.zeros(len(board.cells)) for board in boards]
+    for _ in range(FILLINGS):
+        more = unstopped(boards, evidence, place, maps)
+        worth = [old + new for old, new in zip(worth, more, strict=True)]
+        boards = [filled(board, gain) for board, gain in zip(boards, worth, strict=True)]
+    boards = [_drawn(board, k, place, maps) for k, board in enumerate(boards)]
+    surfaces = [_closed(board, wholes[k], k) for k, board in enumerate(boards)]
+    surfaces[0] = with_room(surfaces[0], [board.pieces for board in boards[1:]], place, voxel)
+    return surfaces
+
+
+def _drawn(board: BoardSolid, part: int, place: Place, maps: Sequence[PartMaps]) -> BoardSolid:
+    """Return a solid with its planes on the outlines of both states' masks."""
+    poses = np.eye(4), place.state1_from_0[part]
+    return refined(board, [Outlines(one.maps.alphas, one.maps.projections @ pose)
+                           for one, pose in zip(maps, poses, strict=True)])
+
+
+def _closed(board: BoardSolid, whole: Solid, part: int) -> Manifold:
+    """Return the closed surface of a solid of flat faces, the noisy one's if it has none."""
+    surface = without_bits(vertices_apart(board.whole, whole.grid.voxel))
+    reason = flaw(surface)
+    if reason is None:
+        return surface
+    logger.warning("part %d: its flat faces do not close (%s); its noisy surface is taken", part,
+                   reason)
+    return closed_surface(whole, f"part {part}", 1.0)
+
+
+def _cut_out(place: Place, evidence: Sequence[Fused], wholes: Sequence[Solid],
+             edges: Sequence[F64]) -> list[BoardSolid]:
+    """Return the solids of flat faces of all parts, none where another comes by."""
     found: dict[int, BoardSolid] = {}
     for k in (*range(1, place.count), 0):
-        belief, solid = belief_of(evidence[k], k == 0), raw[k]
+        belief, solid = belief_of(evidence[k], k == 0), wholes[k]
         taken = _taken(k, found, place, solid)
         if taken.any():
             belief = replace(belief, inside=np.where(taken, np.float32(-1), belief.inside))
