@@ -16,7 +16,7 @@ from part2gs_robotics.evidence.edges import bundled, edge_families
 from part2gs_robotics.evidence.segments import segments_of
 from part2gs_robotics.mesh.carve import Solid, carve
 from part2gs_robotics.mesh.fuse import Fused
-from part2gs_robotics.mesh.make_room import with_room, without_bits
+from part2gs_robotics.mesh.make_room import all_apart, without_bits
 from part2gs_robotics.mesh.part_maps import PartMaps
 from part2gs_robotics.mesh.part_solids import DEEP_SHARE
 from part2gs_robotics.mesh.place import Place
@@ -79,8 +79,7 @@ def board_surfaces(place: Place, evidence: Sequence[Fused], wholes: Sequence[Sol
         boards = [filled(board, gain) for board, gain in zip(boards, worth, strict=True)]
     boards = [_drawn(board, k, place, maps) for k, board in enumerate(boards)]
     surfaces = [_closed(board, wholes[k], k) for k, board in enumerate(boards)]
-    surfaces[0] = with_room(surfaces[0], [board.pieces for board in boards[1:]], place, voxel)
-    return surfaces
+    return all_apart(surfaces, [board.pieces for board in boards], place, voxel)
 
 
 def _drawn(board: BoardSolid, part: int, place: Place, maps: Sequence[PartMaps]) -> BoardSolid:
@@ -92,7 +91,7 @@ def _drawn(board: BoardSolid, part: int, place: Place, maps: Sequence[PartMaps])
 
 def _closed(board: BoardSolid, whole: Solid, part: int) -> Manifold:
     """Return the closed surface of a solid of flat faces, the noisy one's if it has none."""
-    surface = without_bits(vertices_apart(board.whole, whole.grid.voxel))
+    surface = vertices_apart(without_bits(board.whole), whole.grid.voxel)
     reason = flaw(surface)
     if reason is None:
         return surface

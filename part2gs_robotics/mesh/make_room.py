@@ -1,7 +1,8 @@
-"""Make room: what moving parts sweep is cut out of the base, exactly."""
+"""Make room: what parts sweep is cut out of those that they pass, exactly."""
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
@@ -10,39 +11,47 @@ import numpy as np
 from part2gs_robotics.mesh.place import Place
 from part2gs_robotics.mesh.surface import arrays, flaw, vertices_apart
 from part2gs_robotics.model.arrays import F64
-from part2gs_robotics.model.kinematics import sweep
-from part2gs_robotics.model.se3 import apply, inverses
+from part2gs_robotics.model.kinematics import chain, sweep
+from part2gs_robotics.model.se3 import apply, inverse, inverses
 
 if TYPE_CHECKING:
     from manifold3d import Manifold
 
+logger = logging.getLogger(__name__)
 ARC = 8.0  # cells a corner moves between two poses: the arc bulges by 0.1 beyond its chord at most
+GAP = 0.15  # cells kept free round what passes: the bulge, and what touches does not overlap
 JUMP = 2.0  # steps: poses farther apart begin another way
 FINE = 1e-3  # cells: what a cut leaves behind is tidied by so much
 LOOSE = 0.01  # of the volume: what a cut leaves hanging in the air, smaller than that, is dropped
+CROSSING = 0.1  # of a moving part that another sweeps: where it is more, both really cross
+GRAZE = 0.015  # the same of one stride: noise of two parts that touch
 
 
-def with_room(base: Manifold, moving: Sequence[Sequence[Manifold]], place: Place,
-              voxel: float) -> Manifold:
-    """Return the base without what moving parts sweep from state 0 to state 1.
+def all_apart(surfaces: Sequence[Manifold], pieces: Sequence[Sequence[Manifold]], place: Place,
+              voxel: float) -> list[Manifold]:
+    """Return parts that yield to what passes them: the base to all, a moving part to earlier ones.
+
+    Two that move may really cross, as a drawer and a shut door do: there the later one yields in
+    both observed states and where they graze.
 
     Args:
-        base: closed.
-        moving: convex pieces of every moving part, in the world frame at state 0.
+        surfaces: closed, base first, in the world frame at state 0.
+        pieces: convex, per part: what it is the union of.
         place: joints, and the part that carries each.
         voxel: size of the grid's cells, scene units.
     """
-    import manifold3d
-
-    swept: list[Manifold] = []
-    for k, pieces in enumerate(moving, 1):
-        for ends in _strides(k, pieces, place, voxel):
-            swept += [hull for piece in pieces if not (hull := _between(piece, ends)).is_empty()]
-    if not swept:
-        return base
-    cut = base - manifold3d.Manifold.batch_boolean(swept, manifold3d.OpType.Add)
-    cut = without_bits(vertices_apart(cut.simplify(FINE * voxel), voxel))
-    return cut if flaw(cut) is None else base
+    out, kept = list(surfaces), [list(own) for own in pieces]
+    for part in (*range(1, place.count), 0):
+        for other in range(1, part or place.count):
+            always, along = _swept(other, part, kept[other], place, voxel)
+            tools = along if part == 0 else _yielding(out[part], along)
+            cut = _without(out[part], [*always, *tools], part, voxel)
+            if cut is out[part]:
+                continue
+            out[part] = cut
+            kept[part] = [less for piece in kept[part]
+                          if not (less := _rest(piece, [*always, *tools])).is_empty()]
+    return out
 
 
 def without_bits(solid: Manifold) -> Manifold:
@@ -56,28 +65,107 @@ def without_bits(solid: Manifold) -> Manifold:
     return manifold3d.Manifold.compose(kept)
 
 
-def _strides(part: int, pieces: Sequence[Manifold], place: Place, voxel: float) -> list[F64]:
-    """Return pairs of poses [2, 4, 4] of a part in the world, one after the other on its way."""
-    points = np.concatenate([np.zeros((0, 3)), *(arrays(piece)[0] for piece in pieces)])
+def _without(solid: Manifold, tools: list[Manifold], part: int, voxel: float) -> Manifold:
+    """Return a solid without what the tools take, closed."""
+    rest = _rest(solid, tools)
+    if rest is solid or rest.is_empty():
+        return solid
+    for step in (FINE * voxel, 0.0):
+        tidy = vertices_apart(without_bits(rest.simplify(step) if step else rest), voxel)
+        if flaw(tidy) is None:
+            return tidy
+    logger.warning("part %d: what other parts sweep cannot be cut out of it (%s)", part,
+                   flaw(tidy))
+    return solid
+
+
+def _rest(solid: Manifold, tools: list[Manifold]) -> Manifold:
+    """Return a solid minus tools; itself if none takes anything."""
+    import manifold3d
+
+    near = [tool for tool in tools if _meet(solid, tool)]
+    if not near:
+        return solid
+    return solid - manifold3d.Manifold.batch_boolean(near, manifold3d.OpType.Add)
+
+
+def _meet(one: Manifold, other: Manifold) -> bool:
+    a, b = np.array(one.bounding_box()), np.array(other.bounding_box())
+    if (a[:3] > b[3:]).any() or (b[:3] > a[3:]).any():
+        return False
+    return bool((one ^ other).volume() > 0)
+
+
+def _yielding(solid: Manifold, tools: list[Manifold]) -> list[Manifold]:
+    """Return the strides to which a moving part yields."""
+    import manifold3d
+
+    volume, near = solid.volume(), [tool for tool in tools if _meet(solid, tool)]
+    if not near:
+        return []
+    lost = solid ^ manifold3d.Manifold.batch_boolean(near, manifold3d.OpType.Add)
+    if lost.volume() <= CROSSING * volume:
+        return near
+    return [tool for tool in near if (solid ^ tool).volume() <= GRAZE * volume]
+
+
+def _swept(part: int, carrier: int, pieces: Sequence[Manifold], place: Place,
+           voxel: float) -> tuple[list[Manifold], list[Manifold]]:
+    """Return, in the carrier's frame, what a part takes in both states and along its strides."""
+    values = [j.value for j in place.joints]
+    observed = [inverse(chain(carrier, place.joints, place.parents, q))
+                @ chain(part, place.joints, place.parents, q)
+                for q in ([0.0] * len(values), values)]
+    points = [_grown(piece, GAP * voxel) for piece in pieces]
+    ends = [np.stack([pose, pose]) for pose in observed]
+    strides = _strides(part, carrier, np.concatenate([np.zeros((0, 3)), *points]), place, voxel)
+    return ([_between(p, pose) for pose in ends for p in points],
+            [_between(p, pair) for pair in strides for p in points])
+
+
+def _strides(part: int, carrier: int, points: F64, place: Place, voxel: float) -> list[F64]:
+    """Return pairs of poses [2, 4, 4] carrier_from_part, one after the other on its ways."""
     if not len(points):
         return []
     ends = np.array([points.min(0), points.max(0)])
     pick = np.array([[i, j, k] for i in (0, 1) for j in (0, 1) for k in (0, 1)])
     corners = np.where(pick, ends[1], ends[0])
-    poses = np.asarray(inverses(sweep(part, 0, place.joints, place.parents, corners, ARC * voxel)))
+    poses = np.asarray(inverses(sweep(part, carrier, place.joints, place.parents, corners,
+                                      ARC * voxel)))
     way = np.stack([apply(pose, corners) for pose in poses])
     steps = np.linalg.norm(np.diff(way, axis=0), axis=2).max(1)
+    breaks = np.flatnonzero(steps >= JUMP * ARC * voxel) + 1
     turned = np.abs(poses[:, :3, :3] - poses[0, :3, :3]).max() > 0
-    lone = part not in place.parents and place.parents[part - 1] == 0
-    if lone and not turned:  # a slide sweeps the hull of its two ends
-        return [poses[[0, -1]]]
-    return [poses[[i, i + 1]] for i in range(len(steps)) if steps[i] < JUMP * ARC * voxel]
+    out: list[F64] = []
+    for run in np.split(poses, breaks):
+        if not turned:  # a slide sweeps the hull of its two ends
+            out.append(run[[0, -1]])
+        else:
+            out += [run[[i, i + 1]] for i in range(len(run) - 1)]
+    return out
 
 
-def _between(piece: Manifold, poses: F64) -> Manifold:
-    """Return the hull of a convex piece at both ends of a stride."""
+def _grown(piece: Manifold, gap: float) -> F64:
+    """Return [N, 3] corners of a convex solid whose faces moved outward by a gap."""
+    from scipy.spatial import HalfspaceIntersection, QhullError
+
+    points, faces = arrays(piece)
+    normal = np.cross(points[faces[:, 1]] - points[faces[:, 0]],
+                      points[faces[:, 2]] - points[faces[:, 0]])
+    length = np.linalg.norm(normal, axis=1)
+    normal = normal[length > 0] / length[length > 0, None]
+    normal = np.concatenate([normal, np.eye(3), -np.eye(3)])  # a box, so that no sharp edge spikes
+    planes = np.column_stack([normal, -(normal @ points.T).max(1) - gap])
+    try:
+        found = HalfspaceIntersection(np.unique(planes.round(12), axis=0), points.mean(0))
+    except QhullError:  # thinner than rounding: as it is
+        return points
+    return np.asarray(found.intersections, np.float64)
+
+
+def _between(points: F64, poses: F64) -> Manifold:
+    """Return the hull of a convex piece's corners at both ends of a stride."""
     import manifold3d
 
-    points = arrays(piece)[0]
     both = np.concatenate([apply(pose, points) for pose in poses])
     return manifold3d.Manifold.hull_points(np.ascontiguousarray(both))

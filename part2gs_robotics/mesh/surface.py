@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 MOST_FACES = 20_000  # per part: what a simulator and a browser page still take
 FIRST_TOLERANCE = 0.25  # voxels: below the noise of the surface, which is about half a voxel
 APART = 0.02  # voxels between vertices that would merge: visible to float32, invisible to the eye
+SAME = 1e-4  # voxels: vertices so near are one in float32, and to readers that merge within 1e-8
 LEVELS = (0.0, 0.013, -0.013, 0.037, -0.037)  # voxels: another level parts edges that just touch
 
 
@@ -97,13 +98,12 @@ def vertices_apart(surface: Manifold, voxel: float) -> Manifold:
     Two sheets may touch in a point: a valid manifold, but not once equal vertices are merged.
     """
     import manifold3d
+    from scipy.spatial import cKDTree
 
     points, faces = arrays(surface)
     scatter = np.random.default_rng(0)  # tells twins apart whose neighbours are the same
     for _ in range(8):
-        _, same, count = np.unique(points.astype(np.float32), axis=0, return_inverse=True,
-                                   return_counts=True)
-        twins = np.flatnonzero(count[same.ravel()] > 1)
+        twins = np.unique(cKDTree(points).query_pairs(SAME * voxel, output_type="ndarray"))
         if not len(twins):
             break
         ring = np.zeros_like(points)
