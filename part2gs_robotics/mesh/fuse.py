@@ -129,6 +129,24 @@ def _windows(coded: F32, radius: int) -> tuple[F32, F32]:
 
 
 @kernel
+def _add_distance(signed: float, slope: float, own: bool, trunc: float, voxel: float,
+                  sums: F32) -> None:
+    """Add a distance from the surface that a view sees, positive in front of it."""
+    if signed < -trunc:
+        sums[4 if own else 5] += 1.0
+        return
+    # Behind the surface the weight falls to 0: another side of a thin wall knows better there.
+    weight = slope * slope * min(1.0, (signed + trunc) / (0.5 * trunc))
+    if own or signed > 0.0:
+        sums[0] += weight * min(signed, trunc)
+        sums[1] += weight
+    if own and signed < trunc:
+        sums[2] += weight
+    elif not own and signed < 0.5 * voxel:
+        sums[3] += weight
+
+
+@kernel
 def _add_voxel(p: F64, m: F64, depth: F32, labels: NDArray[np.uint8], facing: F32, part: int,
                trunc: float, voxel: float, sums: F32, x: int, y: int, z: int) -> None:
     """Add what one view says about one voxel centre p."""
@@ -163,19 +181,7 @@ def _add_voxel(p: F64, m: F64, depth: F32, labels: NDArray[np.uint8], facing: F3
         return  # an edge or a grazing surface: its distance is unknown
     fu, fv = u - j, v - i
     seen = (a * (1 - fu) + b * fu) * (1 - fv) + (c * (1 - fu) + d * fu) * fv
-    signed = (seen - w) * slope  # positive in front of the surface
-    if signed < -trunc:
-        sums[4 if own else 5, x, y, z] += 1.0
-        return
-    # Behind the surface the weight falls to 0: another side of a thin wall knows better there.
-    weight = slope * slope * min(1.0, (signed + trunc) / (0.5 * trunc))
-    if own or signed > 0.0:
-        sums[0, x, y, z] += weight * min(signed, trunc)
-        sums[1, x, y, z] += weight
-    if own and signed < trunc:
-        sums[2, x, y, z] += weight
-    elif not own and signed < 0.5 * voxel:
-        sums[3, x, y, z] += weight
+    _add_distance((seen - w) * slope, slope, own, trunc, voxel, sums[:, x, y, z])
 
 
 @kernel

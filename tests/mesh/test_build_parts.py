@@ -7,7 +7,8 @@ from synth_photos import box_depth, viewmats_around
 
 from part2gs_robotics.config import MeshConfig
 from part2gs_robotics.errors import EmptyPartError, MeshError
-from part2gs_robotics.mesh.build_parts import _out_of_the_way, build_parts
+from part2gs_robotics.mesh.build_parts import build_parts
+from part2gs_robotics.mesh.grid_solids import _out_of_the_way
 from part2gs_robotics.mesh.carve import Solid
 from part2gs_robotics.mesh.fuse import TRUNCATION, Fused
 from part2gs_robotics.mesh.part_solids import keep_large, without_blobs
@@ -231,7 +232,7 @@ def evidence_of(grid, box) -> Fused:
     """Return evidence of a box that is seen from all sides and nothing else."""
     near = (np.abs(box_solid(grid, *box).values) < 2).astype(np.float32)
     zero = np.zeros_like(near)
-    return Fused(grid, zero, near, near, zero, zero, zero)
+    return Fused(grid, zero, near, near, *[zero] * 7)
 
 
 def box_solid(grid, lo, hi) -> Solid:
@@ -246,7 +247,7 @@ def test_a_small_piece_that_was_seen_stays():
     rail = box_solid(grid, np.array([0.05, 0.5, 0.5]), np.array([0.4, 0.53, 0.53]))
     both = Solid(grid, np.maximum(body.values, rail.values))
     zero = np.zeros(grid.shape, np.float32)
-    seen = Fused(grid, zero, zero, 2.0 * (np.abs(rail.values) < 3), zero, zero, zero)
+    seen = Fused(grid, zero, zero, 2.0 * (np.abs(rail.values) < 3), *[zero] * 7)
     assert (keep_large(both).values > 0).sum() == (body.values > 0).sum()
     np.testing.assert_array_equal(keep_large(both, seen).values, both.values)
 
@@ -260,7 +261,7 @@ def test_a_separate_piece_of_a_moving_part_that_views_hardly_saw_is_left_out():
     votes = 2.0 * ((np.abs(body.values) < 3) | (np.abs(knob.values) < 3))
     votes += 2.0 * (np.abs(blob.values) < 0.3)  # a few stray votes at its rim
     zero = np.zeros(grid.shape, np.float32)
-    seen = Fused(grid, zero, zero, votes, zero, zero, zero)
+    seen = Fused(grid, zero, zero, votes, *[zero] * 7)
     left = without_blobs(air, seen).values > 0
     np.testing.assert_array_equal(left, (body.values > 0) | (knob.values > 0))
     unseen = Fused(grid, zero, zero, zero, zero, zero, zero)  # the largest stays whatever was seen
