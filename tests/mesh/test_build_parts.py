@@ -264,7 +264,7 @@ def test_a_separate_piece_of_a_moving_part_that_views_hardly_saw_is_left_out():
     seen = Fused(grid, zero, zero, votes, *[zero] * 7)
     left = without_blobs(air, seen).values > 0
     np.testing.assert_array_equal(left, (body.values > 0) | (knob.values > 0))
-    unseen = Fused(grid, zero, zero, zero, zero, zero, zero)  # the largest stays whatever was seen
+    unseen = Fused(grid, *[zero] * 10)  # the largest stays whatever was seen
     np.testing.assert_array_equal(without_blobs(air, unseen).values > 0, body.values > 0)
 
 
