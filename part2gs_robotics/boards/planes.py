@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from part2gs_robotics.boards.facets import Facets, half_sphere, middle_of, settled
+from part2gs_robotics.boards.tilts import tilts
 from part2gs_robotics.model.arrays import F64
 
 FACING = np.cos(np.deg2rad(25.0))  # smoothed normals of a wall against its direction
@@ -23,6 +24,8 @@ SQUARE = np.sin(np.deg2rad(3.0))  # two directions nearer to a right angle belon
 SHARE, LONE = 0.02, 0.1  # of the observed surface: a direction with and without straight edges
 FLAT = 0.6  # of a lone direction's area in its four best offsets: else the surface is curved
 MOST_FAMILIES, TRIED = 6, 12  # of directions: twice those of a box
+APART = np.cos(np.deg2rad(2.0))  # a tilt that is none: the error of a wall's normal
+MOST_TILTS = 8  # two for each side of a hopper
 LEAST = 7e-4  # of the surface: the side of a board is a hundredth of its front
 WINDOW = 2.0  # cells: noise of a wall seen from one side, both ways
 RAGGED = 4.0  # cells: rims that masks and labels eat into
@@ -49,12 +52,31 @@ def families(surface: Facets, flux: F64, observed: F64, edges: F64, voxel: float
         edges: [E, 3] unit directions of straight edges.
         voxel: of the grid that the surface came from.
     """
-    found = []
-    for normal in _directions(surface, observed, edges):
-        offsets = _offsets(normal, surface, flux, voxel)
+    normals, found = _directions(surface, observed, edges), []
+    normals += _tilted(normals, surface, observed, voxel)
+    if not normals:
+        return ()
+    facing = np.abs(surface.normals @ np.array(normals).T)
+    own = np.where(facing.max(1) > FACING, facing.argmax(1), -1)
+    for k, normal in enumerate(normals):
+        rivals = [j for j, other in enumerate(normals) if j != k and abs(normal @ other) > FACING]
+        mine = ~np.isin(own, rivals)
+        part = Facets(surface.centers[mine], surface.normals[mine], surface.areas[mine])
+        least = LEAST * float(surface.areas.sum())
+        offsets = _offsets(normal, part, flux[mine], least, voxel)
         if len(offsets):
             found.append(Family(normal, offsets))
     return tuple(found)
+
+
+def _tilted(normals: list[F64], surface: Facets, observed: F64, voxel: float) -> list[F64]:
+    """Return directions of walls a few degrees off those found."""
+    weights, found = surface.areas * np.maximum(observed, 1e-3), list[F64]()
+    for normal in normals:
+        for tilt in tilts(normal, surface, weights, SHARE * float(weights.sum()), voxel):
+            if all(abs(tilt @ other) < APART for other in (*normals, *found)):
+                found.append(tilt)
+    return found[:MOST_TILTS]
 
 
 def _directions(surface: Facets, observed: F64, edges: F64) -> list[F64]:
@@ -94,8 +116,9 @@ def _made(edges: F64) -> F64:
 def _squared(found: list[F64], edges: F64) -> list[F64]:
     """Return the directions with those that make boxes of them: a board's sides are hardly seen."""
     out = list(found)
-    if len(out) == 1:
-        out += [edge for edge in edges if abs(edge @ out[0]) < SQUARE][:1]
+    for direction in found[:1]:  # the strongest edge across it: rims are thin
+        across = [edge for edge in edges if abs(edge @ direction) < SQUARE][:1]
+        out += [edge for edge in across if all(abs(edge @ other) < FACING for other in out)]
     for i in range(len(out)):
         for j in range(i):
             cross = np.cross(out[i], out[j])
@@ -114,9 +137,9 @@ def _flat(direction: F64, surface: Facets) -> bool:
     return bool(np.sort(bins)[-4:].sum() > FLAT * areas.sum())
 
 
-def _offsets(normal: F64, surface: Facets, flux: F64, voxel: float) -> F64:
-    """Return the offsets of a family's planes, increasing."""
-    levels, least = surface.centers @ normal, LEAST * float(surface.areas.sum())
+def _offsets(normal: F64, surface: Facets, flux: F64, least: float, voxel: float) -> F64:
+    """Return the offsets of a family's planes, increasing; each holds some area at least."""
+    levels = surface.centers @ normal
     found: list[tuple[float, float]] = []  # weight, offset
     for sign in (1.0, -1.0):
         facing = sign * (surface.normals @ normal) > FACING

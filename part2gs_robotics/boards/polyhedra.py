@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from manifold3d import Manifold
 
 OVERLAP = 0.01  # cells that neighbours reach into each other: what just touches does not join
+BEYOND = 1.0  # cells: what is thinner holds no voxel, and is filled with its neighbours
 FLUSH = 0.2  # overlaps: what lies so near to a face is in it
 
 
@@ -33,7 +34,7 @@ def convex_cells(cells: Cells, inside: Mask) -> list[Manifold]:
         body, index = waiting.pop()
         full = inside[index]
         if full.all():
-            found.append(body)
+            found.append(_trimmed(body, cells, index))
         if full.all() or not full.any():
             continue
         family, level = _best_split(cells.digits[index], full)
@@ -43,6 +44,21 @@ def convex_cells(cells: Cells, inside: Mask) -> list[Manifold]:
             (body.trim_by_plane(normal.tolist(), offset - overlap), index[~below]),
             (body.trim_by_plane((-normal).tolist(), -offset - overlap), index[below])]
     return found
+
+
+def _trimmed(body: Manifold, cells: Cells, index: I64) -> Manifold:
+    """Return a body without what lies well beyond the planes about its cells.
+
+    Cells too thin for any voxel are in no list, and a body may reach along them as a spike.
+    """
+    reach = BEYOND * cells.grid.voxel
+    for family, own in zip(cells.families, cells.digits[index].T, strict=True):
+        normal, first, last = family.normal, int(own.min()), int(own.max())
+        if first > 0:
+            body = body.trim_by_plane(normal.tolist(), family.offsets[first - 1] - reach)
+        if last < len(family.offsets):
+            body = body.trim_by_plane((-normal).tolist(), -family.offsets[last] - reach)
+    return body
 
 
 def _best_split(digits: I64, full: Mask) -> tuple[int, int]:

@@ -12,6 +12,7 @@ import numpy as np
 from part2gs_robotics.boards.board_solid import BoardSolid, board_solid, filled, refined
 from part2gs_robotics.boards.cut import Belief
 from part2gs_robotics.boards.outlines import Outlines
+from part2gs_robotics.boards.rest import with_rest
 from part2gs_robotics.evidence.edges import bundled, edge_families
 from part2gs_robotics.evidence.segments import segments_of
 from part2gs_robotics.mesh.carve import Solid, carve
@@ -71,15 +72,17 @@ def board_surfaces(place: Place, evidence: Sequence[Fused], wholes: Sequence[Sol
     Raises:
         MeshError: a part has no closed surface.
     """
-    boards, voxel = _cut_out(place, evidence, wholes, edges), wholes[0].grid.voxel
+    boards, smooth = _cut_out(place, evidence, wholes, edges)
     worth = [np.zeros(len(board.cells)) for board in boards]
     for _ in range(FILLINGS):
-        more = unstopped(boards, evidence, place, maps)
+        more = unstopped(boards, place, maps)
         worth = [old + new for old, new in zip(worth, more, strict=True)]
         boards = [filled(board, gain) for board, gain in zip(boards, worth, strict=True)]
-    boards = [_drawn(board, k, place, maps) for k, board in enumerate(boards)]
+    boards = [with_rest(_drawn(board, k, place, maps), smooth[k])
+              for k, board in enumerate(boards)]
     surfaces = [_closed(board, wholes[k], k) for k, board in enumerate(boards)]
-    return all_apart(surfaces, [board.pieces for board in boards], place, voxel)
+    return all_apart(surfaces, [board.pieces for board in boards], place,
+                     wholes[0].grid.voxel)
 
 
 def _drawn(board: BoardSolid, part: int, place: Place, maps: Sequence[PartMaps]) -> BoardSolid:
@@ -101,9 +104,10 @@ def _closed(board: BoardSolid, whole: Solid, part: int) -> Manifold:
 
 
 def _cut_out(place: Place, evidence: Sequence[Fused], wholes: Sequence[Solid],
-             edges: Sequence[F64]) -> list[BoardSolid]:
-    """Return the solids of flat faces of all parts, none where another comes by."""
+             edges: Sequence[F64]) -> tuple[list[BoardSolid], list[Manifold]]:
+    """Return solids of flat faces and noisy surfaces of all parts, none where another comes by."""
     found: dict[int, BoardSolid] = {}
+    smooth: dict[int, Manifold] = {}
     for k in (*range(1, place.count), 0):
         belief, solid = belief_of(evidence[k], k == 0), wholes[k]
         taken = _taken(k, found, place, solid)
@@ -111,9 +115,9 @@ def _cut_out(place: Place, evidence: Sequence[Fused], wholes: Sequence[Solid],
             belief = replace(belief, inside=np.where(taken, np.float32(-1), belief.inside))
             away = np.where(taken, np.minimum(solid.values, np.float32(-1)), solid.values)
             solid = replace(solid, values=away)
-        surface = closed_surface(solid, f"part {k}", 1.0)
-        found[k] = board_solid(belief, *arrays(surface), edges[k])
-    return [found[k] for k in range(place.count)]
+        smooth[k] = closed_surface(solid, f"part {k}", 1.0)
+        found[k] = board_solid(belief, *arrays(smooth[k]), edges[k])
+    return [found[k] for k in range(place.count)], [smooth[k] for k in range(place.count)]
 
 
 def belief_of(fused: Fused, base: bool) -> Belief:

@@ -12,7 +12,6 @@ from collections.abc import Sequence
 import numpy as np
 
 from part2gs_robotics.boards.board_solid import BoardSolid
-from part2gs_robotics.mesh.fuse import Fused
 from part2gs_robotics.mesh.part_maps import PartMaps
 from part2gs_robotics.mesh.place import Place
 from part2gs_robotics.model.arrays import F32, F64, Mask
@@ -26,13 +25,12 @@ WORTH = 1.0  # belief that stopping the ray of a face of a cell is worth, in eve
 RIM = 1  # pixels at outlines and rims of holes: there the twin may be off by as much
 
 
-def unstopped(boards: Sequence[BoardSolid], evidence: Sequence[Fused], place: Place,
+def unstopped(boards: Sequence[BoardSolid], place: Place,
               maps: Sequence[PartMaps]) -> list[F64]:
     """Return per part [C] what its cells are worth to rays that the twin does not stop.
 
     Args:
         boards: of all parts.
-        evidence: per part.
         place: of the parts in both states.
         maps: depth and part of every pixel, per state.
     """
@@ -46,7 +44,7 @@ def unstopped(boards: Sequence[BoardSolid], evidence: Sequence[Fused], place: Pl
                 holes = _holes(maps[s], depths[view], view, k, BEYOND * voxel)
                 if holes.any():
                     points, share = _samples(maps[s], view, holes, voxel)
-                    _give(worth[k], board, evidence[k], apply(inverse(poses[k]), points), share)
+                    _give(worth[k], board, apply(inverse(poses[k]), points), share)
     return worth
 
 
@@ -92,11 +90,11 @@ def _samples(maps: PartMaps, view: int, holes: Mask, voxel: float) -> tuple[F64,
     return points, (WORTH * footprint)[:, None] * (share / share.sum())
 
 
-def _give(worth: F64, board: BoardSolid, fused: Fused, points: F64, share: F64) -> None:
-    """Add what samples are worth to the cells that they lie in, but not to background."""
+def _give(worth: F64, board: BoardSolid, points: F64, share: F64) -> None:
+    """Add what samples are worth to the cells that they lie in, as far as none sees them free."""
     grid = board.cells.grid
     index = np.rint((points - grid.lo) / grid.voxel).astype(int)
     inside = ((index >= 0) & (index < np.array(grid.shape))).all(1)
     x, y, z = index[inside].T
-    kept = fused.background[x, y, z] < 2
-    np.add.at(worth, board.cells.of_voxel[x, y, z][kept], share.ravel()[inside][kept])
+    unseen = 1.0 + np.minimum(board.belief.inside[x, y, z], 0.0)
+    np.add.at(worth, board.cells.of_voxel[x, y, z], share.ravel()[inside] * unseen)
