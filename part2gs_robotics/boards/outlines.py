@@ -60,7 +60,7 @@ class _Rims:
 
 @dataclass(frozen=True)
 class _Gaps:
-    """M distances from edges to outlines, pixels, and how they shrink as both planes move [M, 2]."""
+    """M pixels from edges to outlines, and how they shrink as both planes move [M, 2]."""
 
     planes: I64
     slopes: F64

@@ -57,8 +57,8 @@ def with_rest(solid: BoardSolid, smooth: Manifold) -> BoardSolid:
     room = manifold3d.Manifold.batch_boolean([b.solid(grid) for b in boxes], union)
     taken = manifold3d.Manifold.batch_boolean([b.solid(grid, OVERLAP) for b in boxes], union)
     rest = smooth ^ taken
-    pieces = [*_outside(solid.pieces, boxes, grid),
-              *(hull for box in boxes if not (hull := (smooth ^ box.solid(grid)).hull()).is_empty())]
+    hulls = [(smooth ^ box.solid(grid)).hull() for box in boxes]
+    pieces = [*_outside(solid.pieces, boxes, grid), *(h for h in hulls if not h.is_empty())]
     return replace(solid, pieces=pieces, whole=(solid.whole - room) + rest)
 
 

@@ -13,11 +13,11 @@ from part2gs_robotics.model.scene import Scene, StateViews
 from part2gs_robotics.model.se3 import apply
 from part2gs_robotics.model.solids import bounds, size_of
 from part2gs_robotics.model.twin import Part, PartMesh, Texture, Twin
+from part2gs_robotics.render.mesh_depths import NEAR, draw_depths
 from part2gs_robotics.texture.atlas import Atlas, make_atlas
 from part2gs_robotics.texture.bake_kernels import blend, gather
 from part2gs_robotics.texture.even import evened
 from part2gs_robotics.texture.fill import fill
-from part2gs_robotics.render.mesh_depths import NEAR, draw_depths
 from part2gs_robotics.texture.views import Views, trusted
 
 Samples = tuple[F32, F32]  # [T, B] weights, best first, and [T, B, 3] colours

@@ -25,8 +25,9 @@ MAY = {
     "sim_checks": "exporters model runtime", "capture": "sim_checks model",
 }  # fmt: skip
 ALONE = {  # from that room, these files alone
-    ("fit", "evidence"): {"depth_maps", "surfels"}, ("mesh", "evidence"): {"depth_maps", "edges", "segments"},
-    ("sim_checks", "exporters"): {"twin_yaml"}, 
+    ("fit", "evidence"): {"depth_maps", "surfels"},
+    ("mesh", "evidence"): {"depth_maps", "edges", "segments"},
+    ("sim_checks", "exporters"): {"twin_yaml"},
     ("capture", "sim_checks"): {"model_files", "engine"},
 }  # fmt: skip
 ORDER = {"build", "outputs", "articulate", "cli"}  # files that know rooms by their order

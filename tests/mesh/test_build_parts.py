@@ -8,9 +8,9 @@ from synth_photos import box_depth, viewmats_around
 from part2gs_robotics.config import MeshConfig
 from part2gs_robotics.errors import EmptyPartError, MeshError
 from part2gs_robotics.mesh.build_parts import build_parts
-from part2gs_robotics.mesh.grid_solids import _out_of_the_way
 from part2gs_robotics.mesh.carve import Solid
 from part2gs_robotics.mesh.fuse import TRUNCATION, Fused
+from part2gs_robotics.mesh.grid_solids import _out_of_the_way
 from part2gs_robotics.mesh.part_solids import keep_large, without_blobs
 from part2gs_robotics.mesh.place import Place
 from part2gs_robotics.mesh.real_parts import build_existing, require_bodies
