@@ -48,7 +48,8 @@ def inside_cells(cells: Cells, belief: Belief, worth: F64 | float = 0.0) -> Mask
         worth: [C] what else speaks for a cell, in voxels of full belief.
     """
     count = len(cells)
-    gain = np.bincount(cells.of_voxel.ravel(), belief.inside.ravel().astype(float), count) + worth
+    gain = np.asarray(worth + np.bincount(cells.of_voxel.ravel(), belief.inside.ravel(), count),
+                      np.float64)
     one, two, cost = _faces(cells, belief.surface)
     ties = coo_matrix((np.r_[cost, cost], (np.r_[one, two], np.r_[two, one])), (count, count))
     return _cut(gain, ties.tocsr())

@@ -37,8 +37,8 @@ def tilts(direction: F64, surface: Facets, weights: F64, least: float, voxel: fl
     across = np.linalg.svd(direction[None])[2][1:]
     angles = np.rad2deg(np.arctan2(normals @ across.T, (normals @ direction)[:, None]))
     edges = np.arange(-SPREAD, SPREAD + 1.0)
-    held = gaussian_filter(
-        np.histogram2d(*angles.T, bins=[edges, edges], weights=weights[near])[0], 1.0)
+    held = np.histogram2d(angles[:, 0], angles[:, 1], [edges, edges], weights=weights[near])[0]
+    held = gaussian_filter(held, 1.0)
     found: list[F64] = []
     for _ in range(MOST):
         middle = edges[np.array(np.unravel_index(held.argmax(), held.shape))] + 0.5

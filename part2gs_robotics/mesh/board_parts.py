@@ -88,8 +88,9 @@ def board_surfaces(place: Place, evidence: Sequence[Fused], wholes: Sequence[Sol
 def _drawn(board: BoardSolid, part: int, place: Place, maps: Sequence[PartMaps]) -> BoardSolid:
     """Return a solid with its planes on the outlines of both states' masks."""
     poses = np.eye(4), place.state1_from_0[part]
-    return refined(board, [Outlines(one.maps.alphas, one.maps.projections @ pose)
-                           for one, pose in zip(maps, poses, strict=True)])
+    return refined(board, [
+        Outlines(one.maps.alphas.astype(np.uint8), one.maps.projections @ pose)
+        for one, pose in zip(maps, poses, strict=True)])
 
 
 def _closed(board: BoardSolid, whole: Solid, part: int) -> Manifold:
