@@ -15,18 +15,18 @@ from part2gs_robotics.boards.outlines import Outlines
 from part2gs_robotics.boards.rest import with_rest
 from part2gs_robotics.evidence.edges import bundled, edge_families
 from part2gs_robotics.evidence.segments import segments_of
-from part2gs_robotics.mesh.carve import Solid, carve
-from part2gs_robotics.mesh.fuse import Fused
 from part2gs_robotics.mesh.make_room import all_apart, without_bits
-from part2gs_robotics.mesh.part_maps import PartMaps
-from part2gs_robotics.mesh.part_solids import DEEP_SHARE
-from part2gs_robotics.mesh.place import Place
 from part2gs_robotics.mesh.see_through import unstopped
 from part2gs_robotics.mesh.surface import arrays, closed_surface, flaw, vertices_apart
 from part2gs_robotics.model.arrays import F32, F64, Mask
 from part2gs_robotics.model.kinematics import chain, sweep
 from part2gs_robotics.model.scene import Scene
 from part2gs_robotics.model.se3 import inverse
+from part2gs_robotics.volume.carve import Solid, carve
+from part2gs_robotics.volume.fuse import Fused
+from part2gs_robotics.volume.part_maps import PartMaps
+from part2gs_robotics.volume.part_solids import DEEP_SHARE
+from part2gs_robotics.volume.place import Place
 
 if TYPE_CHECKING:
     from manifold3d import Manifold

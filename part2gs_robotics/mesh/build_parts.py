@@ -11,16 +11,6 @@ from part2gs_robotics.config import MeshConfig
 from part2gs_robotics.errors import EmptyPartError
 from part2gs_robotics.evidence.depth_maps import observe
 from part2gs_robotics.mesh.board_parts import board_surfaces, edge_directions
-from part2gs_robotics.mesh.grid_solids import (
-    MARGIN,
-    apart_solids,
-    carved_base,
-    part_evidence,
-    require_room,
-    whole_solids,
-)
-from part2gs_robotics.mesh.part_maps import PartMaps, render_part_maps
-from part2gs_robotics.mesh.place import Place
 from part2gs_robotics.mesh.surface import arrays, closed_surface
 from part2gs_robotics.model.arrays import F64
 from part2gs_robotics.model.gaussians import Gaussians
@@ -30,6 +20,16 @@ from part2gs_robotics.model.motion import Motion
 from part2gs_robotics.model.scene import Scene
 from part2gs_robotics.model.se3 import apply, inverse
 from part2gs_robotics.model.twin import Part, PartMesh
+from part2gs_robotics.volume.grid_solids import (
+    MARGIN,
+    apart_solids,
+    carved_base,
+    part_evidence,
+    require_room,
+    whole_solids,
+)
+from part2gs_robotics.volume.part_maps import PartMaps, render_part_maps
+from part2gs_robotics.volume.place import Place
 
 if TYPE_CHECKING:
     from manifold3d import Manifold

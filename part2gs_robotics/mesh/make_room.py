@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from part2gs_robotics.mesh.place import Place
 from part2gs_robotics.mesh.surface import arrays, flaw, vertices_apart
 from part2gs_robotics.model.arrays import F64
 from part2gs_robotics.model.kinematics import chain, sweep
 from part2gs_robotics.model.se3 import apply, inverse, inverses
+from part2gs_robotics.volume.place import Place
 
 if TYPE_CHECKING:
     from manifold3d import Manifold

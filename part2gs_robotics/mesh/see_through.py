@@ -12,11 +12,11 @@ from collections.abc import Sequence
 import numpy as np
 
 from part2gs_robotics.boards.board_solid import BoardSolid
-from part2gs_robotics.mesh.part_maps import PartMaps
-from part2gs_robotics.mesh.place import Place
 from part2gs_robotics.model.arrays import F32, F64, Mask
 from part2gs_robotics.model.se3 import apply, inverse
 from part2gs_robotics.render.mesh_depths import NEAR, draw_depths
+from part2gs_robotics.volume.part_maps import PartMaps
+from part2gs_robotics.volume.place import Place
 
 BEYOND = 5.0  # cells behind the fitted depth: nearer is its noise
 REACH = 8.0  # cells before and behind it where the surface may be

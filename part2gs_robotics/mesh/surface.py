@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from part2gs_robotics.errors import MeshError
-from part2gs_robotics.mesh.carve import Solid
-from part2gs_robotics.mesh.fuse import TRUNCATION
 from part2gs_robotics.model.arrays import F64
+from part2gs_robotics.volume.carve import Solid
+from part2gs_robotics.volume.fuse import TRUNCATION
 
 if TYPE_CHECKING:
     from manifold3d import Manifold

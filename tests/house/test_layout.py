@@ -19,13 +19,14 @@ MAY = {
     "search": "evidence model runtime", "paper": "evidence model runtime",
     "decide": "search evidence render model runtime",
     "joints": "decide search paper evidence render model runtime",
-    "boards": "model runtime",
-    "mesh": "boards evidence render model runtime", "texture": "render model runtime",
+    "volume": "evidence render model runtime", "boards": "model runtime",
+    "mesh": "boards volume evidence render model runtime", "texture": "render model runtime",
     "exporters": "model runtime", "report": "model runtime",
     "sim_checks": "exporters model runtime", "capture": "sim_checks model",
 }  # fmt: skip
 ALONE = {  # from that room, these files alone
     ("fit", "evidence"): {"depth_maps", "surfels"},
+    ("volume", "evidence"): {"depth_maps"},
     ("mesh", "evidence"): {"depth_maps", "edges", "segments"},
     ("sim_checks", "exporters"): {"twin_yaml"},
     ("capture", "sim_checks"): {"model_files", "engine"},

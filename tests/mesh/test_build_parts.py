@@ -8,11 +8,6 @@ from synth_photos import box_depth, viewmats_around
 from part2gs_robotics.config import MeshConfig
 from part2gs_robotics.errors import EmptyPartError, MeshError
 from part2gs_robotics.mesh.build_parts import build_parts
-from part2gs_robotics.mesh.carve import Solid
-from part2gs_robotics.mesh.fuse import TRUNCATION, Fused
-from part2gs_robotics.mesh.grid_solids import _out_of_the_way
-from part2gs_robotics.mesh.part_solids import keep_large, without_blobs
-from part2gs_robotics.mesh.place import Place
 from part2gs_robotics.mesh.real_parts import build_existing, require_bodies
 from part2gs_robotics.model.gaussians import SH_C0, Gaussians
 from part2gs_robotics.model.grid import Grid
@@ -21,6 +16,11 @@ from part2gs_robotics.model.motion import Motion, without_part
 from part2gs_robotics.model.scene import Scene, StateViews
 from part2gs_robotics.model.se3 import apply, inverse, screw_motion
 from part2gs_robotics.model.solids import defect, to_manifold
+from part2gs_robotics.volume.carve import Solid
+from part2gs_robotics.volume.fuse import TRUNCATION, Fused
+from part2gs_robotics.volume.grid_solids import _out_of_the_way
+from part2gs_robotics.volume.part_solids import keep_large, without_blobs
+from part2gs_robotics.volume.place import Place
 
 SIZE, FOCAL, DISTANCE, VIEWS = 128, 210.0, 2.0, 26
 RED, BLUE = (0.8, 0.1, 0.1), (0.1, 0.2, 0.9)

@@ -8,11 +8,11 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from part2gs_robotics.mesh.carve import Solid
-from part2gs_robotics.mesh.fuse import TRUNCATION, Fused
 from part2gs_robotics.model.arrays import F32, F64
 from part2gs_robotics.model.grid import index_move
 from part2gs_robotics.runtime.jit import parallel_kernel
+from part2gs_robotics.volume.carve import Solid
+from part2gs_robotics.volume.fuse import TRUNCATION, Fused
 
 SMOOTHING = 1.0  # voxels, as much as rendered depth is wrong; walls of two voxels survive it
 MIN_WEIGHT = 0.5  # half a view that faces the surface: less is an edge seen at a grazing angle

@@ -14,10 +14,10 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from part2gs_robotics.mesh.part_maps import PartMaps
 from part2gs_robotics.model.arrays import F32, F64
 from part2gs_robotics.model.grid import Grid
 from part2gs_robotics.runtime.jit import kernel, parallel_kernel
+from part2gs_robotics.volume.part_maps import PartMaps
 
 BLOCK = 4  # voxels per block and axis that one look into a coarse map may decide for one view
 TRUNCATION = 3.0  # voxels: wider eats thin walls, narrower loses the noise of rendered depth

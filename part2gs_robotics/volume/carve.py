@@ -7,10 +7,10 @@ from dataclasses import dataclass, replace
 import numba
 import numpy as np
 
-from part2gs_robotics.mesh.fuse import TRUNCATION
 from part2gs_robotics.model.arrays import F32, F64
 from part2gs_robotics.model.grid import Grid, index_move
 from part2gs_robotics.runtime.jit import kernel, parallel_kernel
+from part2gs_robotics.volume.fuse import TRUNCATION
 
 OUTSIDE = -1.5  # voxels: no surface passes beside a voxel that far outside
 

@@ -4,9 +4,6 @@ import numpy as np
 import pytest
 from synth import toy_cabinet_twin
 
-from part2gs_robotics.mesh.build_parts import CROSSING, _yield_to
-from part2gs_robotics.mesh.carve import Solid, carve
-from part2gs_robotics.mesh.fuse import TRUNCATION
 from part2gs_robotics.model.grid import Grid
 from part2gs_robotics.model.joint import Joint
 from part2gs_robotics.model.kinematics import (
@@ -17,6 +14,9 @@ from part2gs_robotics.model.kinematics import (
     sweep,
 )
 from part2gs_robotics.model.se3 import apply
+from part2gs_robotics.volume.carve import Solid, carve
+from part2gs_robotics.volume.fuse import TRUNCATION
+from part2gs_robotics.volume.grid_solids import CROSSING, _yield_to
 
 VOXEL = 0.02
 Z = np.array([0.0, 0, 1.0])

@@ -7,10 +7,13 @@ from collections.abc import Sequence
 import numpy as np
 
 from part2gs_robotics.errors import EmptyPartError
-from part2gs_robotics.mesh.carve import Solid, carve
-from part2gs_robotics.mesh.fuse import TRUNCATION, Fused, fuse
-from part2gs_robotics.mesh.part_maps import PartMaps
-from part2gs_robotics.mesh.part_solids import (
+from part2gs_robotics.model.grid import Grid
+from part2gs_robotics.model.kinematics import chain, sweep
+from part2gs_robotics.model.se3 import inverse
+from part2gs_robotics.volume.carve import Solid, carve
+from part2gs_robotics.volume.fuse import TRUNCATION, Fused, fuse
+from part2gs_robotics.volume.part_maps import PartMaps
+from part2gs_robotics.volume.part_solids import (
     MIN_WEIGHT,
     base_solid,
     calm,
@@ -22,10 +25,7 @@ from part2gs_robotics.mesh.part_solids import (
     without_fins,
     without_voids,
 )
-from part2gs_robotics.mesh.place import Place
-from part2gs_robotics.model.grid import Grid
-from part2gs_robotics.model.kinematics import chain, sweep
-from part2gs_robotics.model.se3 import inverse
+from part2gs_robotics.volume.place import Place
 
 MARGIN = TRUNCATION + 2.0  # voxels around a part: its distances fade to the truncation in there
 CROSSING = 0.1  # share of a part; two moving parts that overlap more really cross on their ways

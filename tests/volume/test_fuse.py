@@ -3,11 +3,11 @@ import pytest
 from synth_photos import box_depth, viewmats_around
 
 from part2gs_robotics.evidence.depth_maps import DepthMaps
-from part2gs_robotics.mesh.fuse import TRUNCATION, fuse
-from part2gs_robotics.mesh.part_maps import NO_PART, PartMaps
-from part2gs_robotics.mesh.part_solids import cavity, moving_solid, within_hull
 from part2gs_robotics.model.grid import Grid
 from part2gs_robotics.model.se3 import screw_motion
+from part2gs_robotics.volume.fuse import TRUNCATION, fuse
+from part2gs_robotics.volume.part_maps import NO_PART, PartMaps
+from part2gs_robotics.volume.part_solids import cavity, moving_solid, within_hull
 
 SIZE, FOCAL, DISTANCE, VIEWS, VOXEL = 160, 260.0, 2.0, 30, 0.012
 LO, HI = np.array([-0.2, -0.15, -0.1]), np.array([0.2, 0.15, 0.1])
