@@ -32,11 +32,13 @@ class Belief:
         inside: [X, Y, Z] from -1, seen free, to 1, right behind a surface of the part; near 0 where
             nobody saw.
         surface: [X, Y, Z] 0..1, whether views saw a surface of the part there.
+        outside: [X, Y, Z] whether masks show background there.
     """
 
     grid: Grid
     inside: F32
     surface: F32
+    outside: Mask
 
 
 def inside_cells(cells: Cells, belief: Belief, worth: F64 | float = 0.0) -> Mask:

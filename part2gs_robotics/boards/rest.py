@@ -10,15 +10,14 @@ from scipy.ndimage import binary_dilation, distance_transform_edt, label
 
 from part2gs_robotics.boards.board_solid import BoardSolid
 from part2gs_robotics.boards.cut import Belief
-from part2gs_robotics.model.arrays import I64, Mask
+from part2gs_robotics.model.arrays import F32, F64, I64, Mask
 from part2gs_robotics.model.grid import Grid
 
 if TYPE_CHECKING:
     from manifold3d import Manifold
 
-CONTRARY = 0.5  # belief: more than three of four views say otherwise
 DEEP = 1.5  # voxels from flat faces: nearer is the noise of fitted depths
-FEWEST = 12  # voxels in one place: fewer are noise, a sheet of two by six is a rim
+FEWEST = 12.0  # faces of voxels that rays want stopped in one place: fewer are a ragged rim
 AROUND = 2  # voxels about them: as far as the flat faces are wrong, and their noise
 BLOCK = 4  # voxels: what is replaced is made of such blocks
 OVERLAP = 0.02  # voxels that both reach into each other: what just touches does not join
@@ -40,17 +39,19 @@ class Box:
         return manifold3d.Manifold.cube(size.tolist()).translate(low.tolist())
 
 
-def with_rest(solid: BoardSolid, smooth: Manifold) -> BoardSolid:
-    """Return the solid with the smooth surface where photos contradict its flat faces.
+def with_rest(solid: BoardSolid, smooth: Manifold, fine: F32, missed: F64) -> BoardSolid:
+    """Return the solid with the smooth surface where masks contradict its flat faces.
 
     Args:
         solid: of flat faces.
         smooth: closed surface of the same part.
+        fine: [X, Y, Z] the same as values of the grid, positive inside.
+        missed: [X, Y, Z] faces of voxels that rays want stopped and that stop at nothing.
     """
     import manifold3d
 
     grid = solid.belief.grid
-    boxes = boxes_of(contradicted(solid.belief, solid.values > 0), grid)
+    boxes = boxes_of(contradicted(solid.belief, solid.values > 0, fine > 0, missed))
     if not boxes or smooth.is_empty():
         return solid
     union = manifold3d.OpType.Add
@@ -62,24 +63,29 @@ def with_rest(solid: BoardSolid, smooth: Manifold) -> BoardSolid:
     return replace(solid, pieces=pieces, whole=(solid.whole - room) + rest)
 
 
-def contradicted(belief: Belief, filled: Mask) -> Mask:
-    """Return [X, Y, Z] about where photos contradict a solid, beyond their noise.
+def contradicted(belief: Belief, filled: Mask, fine: Mask, missed: F64) -> Mask:
+    """Return [X, Y, Z] about where masks contradict a solid, beyond the noise of depths.
+
+    Depths of rooms within are wrong by cells; only what masks say is worth a surface that is not
+    flat: background where the solid is, and rays that must end and do not.
 
     Args:
         belief: what photos say.
         filled: [X, Y, Z] the solid.
+        fine: [X, Y, Z] the smooth solid.
+        missed: [X, Y, Z] see `with_rest`.
     """
-    wrong = np.where(filled, belief.inside < -CONTRARY, belief.inside > CONTRARY)
-    if not wrong.any():
-        return wrong
+    wrong = np.where(filled, belief.outside, fine)
     depth = distance_transform_edt(filled) + distance_transform_edt(~filled)
-    places, count = label(wrong & (depth > DEEP), np.ones((3, 3, 3)))
-    many = np.bincount(places.ravel(), minlength=count + 1) >= FEWEST
+    wrong &= depth > DEEP
+    places, count = label(wrong, np.ones((3, 3, 3)))
+    worth = np.bincount(places.ravel(), np.where(filled, 1.0, missed).ravel(), count + 1)
+    many = worth >= FEWEST
     many[0] = False
     return np.asarray(binary_dilation(many[places], np.ones((3, 3, 3)), AROUND))
 
 
-def boxes_of(where: Mask, grid: Grid) -> list[Box]:
+def boxes_of(where: Mask) -> list[Box]:
     """Return boxes of blocks that cover a mask, none over another, as few as greed finds."""
     shape = -(-np.array(where.shape) // BLOCK)
     left = np.zeros(shape, bool)

@@ -16,7 +16,7 @@ from part2gs_robotics.boards.rest import with_rest
 from part2gs_robotics.evidence.edges import bundled, edge_families
 from part2gs_robotics.evidence.segments import segments_of
 from part2gs_robotics.mesh.make_room import all_apart, without_bits
-from part2gs_robotics.mesh.see_through import unstopped
+from part2gs_robotics.mesh.see_through import missed, unstopped
 from part2gs_robotics.mesh.surface import arrays, closed_surface, flaw, vertices_apart
 from part2gs_robotics.model.arrays import F32, F64, Mask
 from part2gs_robotics.model.kinematics import chain, sweep
@@ -78,8 +78,9 @@ def board_surfaces(place: Place, evidence: Sequence[Fused], wholes: Sequence[Sol
         more = unstopped(boards, place, maps)
         worth = [old + new for old, new in zip(worth, more, strict=True)]
         boards = [filled(board, gain) for board, gain in zip(boards, worth, strict=True)]
-    boards = [with_rest(_drawn(board, k, place, maps), smooth[k])
-              for k, board in enumerate(boards)]
+    boards = [_drawn(board, k, place, maps) for k, board in enumerate(boards)]
+    boards = [with_rest(board, *own, wanted) for board, own, wanted
+              in zip(boards, smooth, missed(boards, place, maps), strict=True)]
     surfaces = [_closed(board, wholes[k], k) for k, board in enumerate(boards)]
     return all_apart(surfaces, [board.pieces for board in boards], place,
                      wholes[0].grid.voxel)
@@ -105,10 +106,13 @@ def _closed(board: BoardSolid, whole: Solid, part: int) -> Manifold:
 
 
 def _cut_out(place: Place, evidence: Sequence[Fused], wholes: Sequence[Solid],
-             edges: Sequence[F64]) -> tuple[list[BoardSolid], list[Manifold]]:
-    """Return solids of flat faces and noisy surfaces of all parts, none where another comes by."""
+             edges: Sequence[F64]) -> tuple[list[BoardSolid], list[tuple[Manifold, F32]]]:
+    """Return solids of flat faces of all parts, none where another comes by.
+
+    With each, the noisy surface of the same part and the values of its grid.
+    """
     found: dict[int, BoardSolid] = {}
-    smooth: dict[int, Manifold] = {}
+    smooth: dict[int, tuple[Manifold, F32]] = {}
     for k in (*range(1, place.count), 0):
         belief, solid = belief_of(evidence[k], k == 0), wholes[k]
         taken = _taken(k, found, place, solid)
@@ -116,8 +120,9 @@ def _cut_out(place: Place, evidence: Sequence[Fused], wholes: Sequence[Solid],
             belief = replace(belief, inside=np.where(taken, np.float32(-1), belief.inside))
             away = np.where(taken, np.minimum(solid.values, np.float32(-1)), solid.values)
             solid = replace(solid, values=away)
-        smooth[k] = closed_surface(solid, f"part {k}", 1.0)
-        found[k] = board_solid(belief, *arrays(smooth[k]), edges[k])
+        noisy = closed_surface(solid, f"part {k}", 1.0)
+        smooth[k] = noisy, solid.values
+        found[k] = board_solid(belief, *arrays(noisy), edges[k])
     return [found[k] for k in range(place.count)], [smooth[k] for k in range(place.count)]
 
 
@@ -137,10 +142,11 @@ def belief_of(fused: Fused, base: bool) -> Belief:
         unseen = np.where(fused.enclosed >= DEEP_SHARE, np.float32(ENCLOSED),
                           np.float32(-0.5 * ENCLOSED))
     inside = np.where(votes < 0.5, unseen, inside)
-    inside = np.where(fused.background >= OUTSIDE, np.float32(-1), inside)
+    outside = fused.background >= OUTSIDE
+    inside = np.where(outside, np.float32(-1), inside)
     near = np.abs(fused.distance) < NEAR * fused.grid.voxel
     surface = np.where(near, np.clip(fused.own / np.float32(FULL), 0, 1), np.float32(0))
-    return Belief(fused.grid, inside.astype(np.float32), surface.astype(np.float32))
+    return Belief(fused.grid, inside.astype(np.float32), surface.astype(np.float32), outside)
 
 
 def _taken(part: int, others: dict[int, BoardSolid], place: Place, solid: Solid) -> Mask:

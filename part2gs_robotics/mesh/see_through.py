@@ -12,7 +12,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from part2gs_robotics.boards.board_solid import BoardSolid
-from part2gs_robotics.model.arrays import F32, F64, Mask
+from part2gs_robotics.model.arrays import F32, F64, I64, Mask
+from part2gs_robotics.model.grid import Grid
 from part2gs_robotics.model.se3 import apply, inverse
 from part2gs_robotics.render.mesh_depths import NEAR, draw_depths
 from part2gs_robotics.volume.part_maps import PartMaps
@@ -48,6 +49,37 @@ def unstopped(boards: Sequence[BoardSolid], place: Place,
     return worth
 
 
+def missed(boards: Sequence[BoardSolid], place: Place, maps: Sequence[PartMaps]) -> list[F64]:
+    """Return per part [X, Y, Z] faces of cells that rays want stopped and that stop at nothing.
+
+    Args:
+        boards: of all parts.
+        place: of the parts in both states.
+        maps: depth and part of every pixel, per state.
+    """
+    grids = [board.cells.grid for board in boards]
+    wanted = [np.zeros(grid.shape) for grid in grids]
+    voxel = grids[0].voxel
+    for s in (0, 1):
+        poses = [place.state1_from_0[k] if s else np.eye(4) for k in range(place.count)]
+        depths = _drawn(boards, poses, maps[s], voxel)
+        for view in range(len(maps[s].maps)):
+            for k, grid in enumerate(grids):
+                holes = _holes(maps[s], depths[view], view, k, np.inf)
+                if holes.any():
+                    points, share = _samples(maps[s], view, holes, voxel)
+                    index, inside = _voxels(grid, apply(inverse(poses[k]), points))
+                    np.add.at(wanted[k], tuple(index.T), share.ravel()[inside])
+    return wanted
+
+
+def _voxels(grid: Grid, points: F64) -> tuple[I64, Mask]:
+    """Return indices of the voxels that points lie in, and [N] which lie in any."""
+    index = np.rint((points - grid.lo) / grid.voxel).astype(int)
+    inside = ((index >= 0) & (index < np.array(grid.shape))).all(1)
+    return index[inside], inside
+
+
 def _drawn(boards: Sequence[BoardSolid], poses: Sequence[F64], maps: PartMaps,
            voxel: float) -> F32:
     """Return [V, H, W] depth of the posed solids in every view, infinite beside them."""
@@ -69,7 +101,7 @@ def _holes(maps: PartMaps, drawn: F32, view: int, part: int, beyond: float) -> M
     from scipy.ndimage import binary_erosion
 
     fitted = maps.maps.depths[view]
-    through = (fitted > 0) & (drawn > fitted + beyond)
+    through = (fitted > 0) & (np.isinf(drawn) if np.isinf(beyond) else drawn > fitted + beyond)
     if RIM and through.any():
         through = binary_erosion(through, np.ones((2 * RIM + 1,) * 2))
     return np.asarray(through & (maps.labels[view] == part))
@@ -92,9 +124,7 @@ def _samples(maps: PartMaps, view: int, holes: Mask, voxel: float) -> tuple[F64,
 
 def _give(worth: F64, board: BoardSolid, points: F64, share: F64) -> None:
     """Add what samples are worth to the cells that they lie in, as far as none sees them free."""
-    grid = board.cells.grid
-    index = np.rint((points - grid.lo) / grid.voxel).astype(int)
-    inside = ((index >= 0) & (index < np.array(grid.shape))).all(1)
-    x, y, z = index[inside].T
+    index, inside = _voxels(board.cells.grid, points)
+    x, y, z = index.T
     unseen = 1.0 + np.minimum(board.belief.inside[x, y, z], 0.0)
     np.add.at(worth, board.cells.of_voxel[x, y, z], share.ravel()[inside] * unseen)
