@@ -205,8 +205,8 @@ def read_obj(path: Path, image: NDArray[np.uint8] | None = None,
         points, uv = _table(rows["v"], (6, 3)), _table(rows["vt"], (2, 3))
         corners = _corners(rows["f"], (len(points), len(uv)))
     except ValueError as error:
-        raise CheckError(f"{path}: is not a mesh of triangles ({error}). Needed OBJ with `v x y z`, "
-                         "`vt u v` and faces of three corners; export it as triangles.") from None
+        raise CheckError(f"{path}: is not a mesh of triangles ({error}). Needed OBJ with `v x y z` "
+                         "and faces of three corners; export it as triangles.") from None
     colored = points.shape[1] == 6
     colors = (np.rint(points[:, 3:] * 255).clip(0, 255) if colored
               else np.tile(GREY, (len(points), 1)))

@@ -59,18 +59,23 @@ def in_metres(twin: Twin) -> Twin:
 
 def model_sdf(twin: Twin, physics: Physics) -> ET.Element:
     """Return the <sdf> element of a twin in metres."""
-    from scipy.spatial.transform import Rotation
-
     root = ET.Element("sdf", version=VERSION)
     model = add(root, "model", name=twin.name, canonical_link=twin.parts[0].name)
-    turn = Rotation.from_matrix(upright(twin, (0.0, 0.0, 1.0))).as_euler("xyz")
-    _text(model, "pose", f"0 0 0 {numbers(turn)}")
+    _text(model, "pose", f"0 0 0 {numbers(_roll_pitch_yaw(upright(twin, (0.0, 0.0, 1.0))))}")
     for part, props in zip(twin.parts, physics.masses, strict=True):
         _link(model, part, props)
     _joint(model, "world_joint", "fixed", "world", twin.parts[0].name)
     for index in range(1, len(twin.parts)):
         _moving_joint(model, twin, index, physics)
     return root
+
+
+def _roll_pitch_yaw(rot: F64) -> F64:
+    level = float(np.hypot(rot[0, 0], rot[1, 0]))
+    pitch = np.arctan2(-rot[2, 0], level)
+    if level < 1e-7:  # straight up or down: roll and yaw are one turn
+        return np.array([np.arctan2(-rot[1, 2], rot[1, 1]), pitch, 0.0])
+    return np.array([np.arctan2(rot[2, 1], rot[2, 2]), pitch, np.arctan2(rot[1, 0], rot[0, 0])])
 
 
 def _text(parent: ET.Element, tag: str, value: str | float | F64) -> ET.Element:

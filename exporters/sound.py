@@ -1,4 +1,4 @@
-"""The export door: names that every format takes, surfaces that are closed; what changed is told."""
+"""The export door: names every format takes, surfaces that are closed; what changed is told."""
 
 from __future__ import annotations
 
@@ -48,8 +48,10 @@ def plain_name(name: str, otherwise: str, taken: set[str]) -> str:
     plain = unicodedata.normalize("NFKD", name).encode("ascii", "ignore").decode().lower()
     plain = re.sub(r"[^a-z0-9]+", "_", plain) if re.search(r"[^a-z0-9_]", plain) else plain
     first = plain = (plain.strip("_") or otherwise)[:LONGEST_NAME]
+    if plain[0].isdigit():  # USD has no such names
+        first = plain = f"n_{plain}"
     number = 2
-    while plain in taken:
+    while plain in taken or f"{plain}_turn" in taken:  # which is a link of its own under a screw
         plain, number = f"{first}_{number}", number + 1
     return plain
 

@@ -179,7 +179,7 @@ def _joint(stage: Usd.Stage, root: str, twin: Twin, index: int, physics: Physics
     part = twin.parts[index]
     joint, up = part.joint, twin.parts[part.parent]
     assert joint is not None  # every part but the base has one
-    path, offset = f"{root}/joints/{joint_name(part)}", link_origin(part) - link_origin(up)
+    path, offset = f"{root}/joints/{_prim(joint_name(part))}", link_origin(part) - link_origin(up)
     carrier, link = f"{root}/{_prim(up.name)}", f"{root}/{_prim(part.name)}"
     if not moves(part):
         fixed = UsdPhysics.FixedJoint.Define(stage, path)

@@ -13,7 +13,6 @@ from part2gs_robotics import __version__
 from part2gs_robotics.config import PRESETS, Option, Value, convert, options
 from part2gs_robotics.errors import ConfigError
 
-
 Format = Literal["mjcf", "urdf", "usd", "sdf", "glb", "ros"]
 
 
