@@ -95,11 +95,9 @@ class _Writer:
         normals = corner_normals(mesh.vertices, mesh.faces, CREASE)
         columns = [(mesh.vertices - link_origin(part))[mesh.faces], normals.round(6)]
         if mesh.texture is None:
-            linear = np.where((c := mesh.colors / 255.0) <= 0.04045, c / 12.92,  # sRGB's own rule
-                              ((c + 0.055) / 1.055) ** 2.4)
-            columns.append(linear[mesh.faces])
-        else:
-            columns.append(mesh.texture.uv * (1.0, -1.0) + (0.0, 1.0))  # from the upper left corner
+            columns.append(_linear(mesh.colors)[mesh.faces])
+        else:  # from the upper left corner
+            columns.append(mesh.texture.uv.astype(np.float64) * (1.0, -1.0) + (0.0, 1.0))
         rows = np.concatenate(columns, -1).astype("<f4").reshape(-1, columns[-1].shape[-1] + 6)
         raw = np.ascontiguousarray(rows).view(np.dtype((np.void, rows.itemsize * rows.shape[1])))
         _, first, index = np.unique(raw.ravel(), return_index=True, return_inverse=True)
@@ -161,6 +159,12 @@ class _Writer:
         self.views.append(view | ({} if target is None else {"target": target}))
         self.chunk += data + b"\0" * (-len(data) % 4)
         return len(self.views) - 1
+
+
+def _linear(colors: NDArray[np.uint8]) -> F64:
+    """Return linear 0..1 of sRGB colours, by the rule of its standard."""
+    c = colors.astype(np.float64) / 255.0
+    return np.asarray(np.where(c <= 0.04045, c / 12.92, ((c + 0.055) / 1.055) ** 2.4), np.float64)
 
 
 def _joint_extras(part: Part) -> Node:

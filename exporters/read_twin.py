@@ -103,13 +103,14 @@ def _hung(part: Part, entry: Tree, where: Path) -> Part:
         raise CheckError(f"{where}: {path}.axis has length {np.linalg.norm(axis):.6g}. Needed a "
                          "unit vector; correct it or build the twin again.")
     sigma = entry.get("sigma") if isinstance(entry.get("sigma"), dict) else {}
-    spread = {f"sigma_{key}": _number(cast("Tree", sigma).get(key), where, path, float("nan"))
-              for key in ("axis", "origin", "value", "rise")}
+    spread = [_number(cast("Tree", sigma).get(key), where, path, float("nan"))
+              for key in ("axis", "origin", "value", "rise")]
     joint = Joint(
         cast("JointKind", kind), axis, _vector(entry.get("origin"), where, f"{path}.origin", 3),
         _number(entry.get("state_1"), where, f"{path}.state_1"),
         _number(entry.get("pitch"), where, f"{path}.pitch", 0.0),
-        bic=_numbers(entry.get("bic"), where, path), **spread,
+        bic=_numbers(entry.get("bic"), where, path), sigma_axis=spread[0],
+        sigma_origin=spread[1], sigma_value=spread[2], sigma_rise=spread[3],
         confidence=_number(entry.get("confidence"), where, path, float("nan")))
     low, high = _vector(entry.get("range"), where, f"{path}.range", 2)
     if not low <= high:

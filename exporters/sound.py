@@ -7,6 +7,7 @@ import unicodedata
 from collections import Counter
 from dataclasses import replace
 
+import manifold3d
 import numpy as np
 
 from part2gs_robotics.errors import ExportError
@@ -102,17 +103,11 @@ def sound_mesh(mesh: PartMesh, name: str, notes: list[str]) -> PartMesh:
     solid = to_manifold(mesh)
     bodies = solid.decompose()
     if len(bodies) > 1:
-        whole = type(solid).batch_boolean(bodies, _add())
+        whole = manifold3d.Manifold.batch_boolean(bodies, manifold3d.OpType.Add)
         if solid.volume() - whole.volume() > 1e-9 * solid.volume():  # rounding of sums
             notes.append(f"part {name}: {len(bodies)} bodies that overlapped were united")
             return replace(to_mesh(whole, GREY), synthesised=mesh.synthesised)
     return mesh
-
-
-def _add():  # type: ignore[no-untyped-def]
-    from manifold3d import OpType
-
-    return OpType.Add
 
 
 def _closed(mesh: PartMesh, name: str, notes: list[str]) -> PartMesh:
@@ -182,4 +177,4 @@ def _filled(mesh: PartMesh, loops: list[list[int]]) -> PartMesh:
         texture = replace(texture, uv=np.concatenate([texture.uv, blank]))
     return replace(mesh, vertices=np.concatenate([mesh.vertices, middles]),
                    faces=np.concatenate([mesh.faces, fans]), texture=texture,
-                   colors=np.concatenate([mesh.colors, np.tile(np.uint8(GREY), (len(loops), 1))]))
+                   colors=np.concatenate([mesh.colors, np.tile(np.array(GREY, np.uint8), (len(loops), 1))]))
