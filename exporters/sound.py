@@ -175,6 +175,7 @@ def _filled(mesh: PartMesh, loops: list[list[int]]) -> PartMesh:
     if texture is not None:
         blank = np.zeros((len(fans), 3, 2), texture.uv.dtype)
         texture = replace(texture, uv=np.concatenate([texture.uv, blank]))
+    grey = np.tile(np.array(GREY, np.uint8), (len(loops), 1))
     return replace(mesh, vertices=np.concatenate([mesh.vertices, middles]),
                    faces=np.concatenate([mesh.faces, fans]), texture=texture,
-                   colors=np.concatenate([mesh.colors, np.tile(np.array(GREY, np.uint8), (len(loops), 1))]))
+                   colors=np.concatenate([mesh.colors, grey]))

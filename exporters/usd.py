@@ -174,7 +174,7 @@ def _look(stage: Usd.Stage, path: str, part: Part, visual) -> None:  # type: ign
 
 
 def _joint(stage: Usd.Stage, root: str, twin: Twin, index: int, physics: Physics) -> None:
-    from pxr import UsdPhysics
+    from pxr import Gf, UsdPhysics
 
     part = twin.parts[index]
     joint, up = part.joint, twin.parts[part.parent]
@@ -195,8 +195,9 @@ def _joint(stage: Usd.Stage, root: str, twin: Twin, index: int, physics: Physics
     per = np.deg2rad(1.0) if joint.turns else 1.0  # angular drives count degrees
     drive.CreateDampingAttr(float(physics.joints[index].damping * per))
     if joint.kind == "screw":
-        _body(stage, turn, link_origin(part), TURN_MASS).CreateDiagonalInertiaAttr(
-            (TURN_INERTIA,) * 3)
+        light = _body(stage, turn, link_origin(part), TURN_MASS)
+        light.CreateDiagonalInertiaAttr((TURN_INERTIA,) * 3)
+        light.CreatePrincipalAxesAttr(Gf.Quatf(1.0))
         slide = UsdPhysics.PrismaticJoint.Define(stage, f"{path}_slide")
         ends = np.sort(np.asarray(part.limits) * joint.pitch)
         _moving(slide, (turn, link), np.zeros(3), joint.axis, ends)

@@ -48,7 +48,9 @@ def test_repairs_are_told(mesh: PartMesh, told: str | None, volume: float) -> No
     notes: list[str] = []
     found = sound_mesh(mesh, "part_7", notes)
     assert defect(found) is None
-    assert to_manifold(found).volume() == pytest.approx(volume, rel=0.2 if told == "hole" else 1e-9)
+    # a fan closes a hole around an edge of the cube with its middle, which lies inside
+    rough = 0.2 if len(mesh.faces) < len(CUBE.faces) else 1e-9
+    assert to_manifold(found).volume() == pytest.approx(volume, rel=rough)
     assert (told is None and not notes) or any(told in n and "part_7" in n for n in notes)
 
 
@@ -90,7 +92,8 @@ def test_flat_pieces_are_left_out_and_the_hull_takes_their_place(tmp_path: Path)
 
 @pytest.mark.parametrize(("name", "plain"), [
     ("part_1", "part_1"), ("Tür <links> & \"x\"", "tur_links_x"), ("部品", "part_0"), ("", "part_0"),
-    ("a b", "a_b"), ("9", "n_9"), ("world", "world_2"), ("x" * 999, "x" * 60), ("\x00\n", "part_0"),
+    ("a b", "a_b"), ("9", "n_9"), ("world", "world_2"), ("x" * 999, "x" * 60),
+    ("\x00\n", "part_0"),
 ])
 def test_names(name: str, plain: str) -> None:
     assert plain_name(name, "part_0", {"world"}) == plain
