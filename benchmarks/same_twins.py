@@ -78,7 +78,7 @@ def main() -> int:
 def hashes(folder: Path) -> dict[str, str]:
     """Return a hash of every file of a twin folder that describes the twin."""
     out = {}
-    for path in sorted(folder.iterdir()):
+    for path in sorted([*folder.iterdir(), *folder.glob("assets/*")]):
         if path.suffix in COMPARED and path.name != "config.yaml":  # which names the folder
             data = path.read_bytes()
             if path.name == "twin.yaml":

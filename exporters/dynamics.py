@@ -33,6 +33,7 @@ FRICTION = 0.02  # of the weight: greased hinge, ball-bearing slide; less than a
 COAST = 1.0  # s in which a push dies away: 3 N at the edge keep a 10 kg door at 1 m/s there
 FORCE_MARGIN = 3.0  # servo force above gravity, friction and acceleration
 MAX_STEP = 0.002  # s, MuJoCo's default
+ASSUMED_DIGITS = 6  # of a number nobody measured: the same short one in every file
 GAIN_STEP = 4.0  # frequency x step at gain x 100; critical damping, implicit: stable below 4.83
 
 
@@ -104,7 +105,7 @@ def _joint_dynamics(twin: Twin, index: int, masses: tuple[MassProperties, ...]) 
         for q in np.linspace(*part.limits, 9)
     )
     mass = sum(m.mass for m in carried)
-    armature = ARMATURE * inertia
+    armature = _short(ARMATURE * inertia)
     friction = FRICTION * float(np.linalg.norm(gravity_vector(twin))) * np.sqrt(inertia * mass)
     accelerate = (inertia + armature) * 4 * span / TRAVEL_TIME**2  # bang-bang over the range
     held = load + friction
@@ -113,14 +114,18 @@ def _joint_dynamics(twin: Twin, index: int, masses: tuple[MassProperties, ...]) 
         inertia=inertia,
         mass=mass,
         gravity=load,
-        damping=(inertia + armature) / COAST,
-        friction=float(friction),
+        damping=_short((inertia + armature) / COAST),
+        friction=_short(friction),
         armature=armature,
-        kp=float(kp),
-        kv=2 * float(np.sqrt(kp * (inertia + armature))),
-        force=float(FORCE_MARGIN * (accelerate + held)),
-        velocity=2 * span / TRAVEL_TIME,
+        kp=_short(kp),
+        kv=_short(2 * float(np.sqrt(kp * (inertia + armature)))),
+        force=_short(FORCE_MARGIN * (accelerate + held)),
+        velocity=_short(2 * span / TRAVEL_TIME),
     )
+
+
+def _short(value: float) -> float:
+    return float(f"{value:.{ASSUMED_DIGITS}g}")
 
 
 def _felt(joint: Joint, props: MassProperties) -> float:

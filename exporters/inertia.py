@@ -9,7 +9,7 @@ import numpy as np
 from part2gs_robotics.errors import ExportError
 from part2gs_robotics.model.arrays import F64
 from part2gs_robotics.model.materials import DEFAULT, MATERIALS, density_of
-from part2gs_robotics.model.twin import PartMesh, Twin
+from part2gs_robotics.model.twin import Part, PartMesh, Twin
 
 GRAVITY = 9.81  # m/s2
 MIN_MASS = 1e-9  # kg; MuJoCo refuses 1e-15 and its solver loses digits long before
@@ -112,3 +112,20 @@ def moment_about_axis(props: MassProperties, axis: F64, origin: F64) -> float:
     arm = props.center - origin
     arm = arm - axis * float(axis @ arm)
     return float(axis @ props.inertia @ axis + props.mass * (arm @ arm))
+
+
+def upright(twin: Twin, goal: tuple[float, float, float]) -> F64:
+    """Return the [3, 3] rotation that turns the scene's up direction, +z if unknown, to a goal."""
+    up = -gravity_vector(twin)
+    up, to = up / np.linalg.norm(up), np.asarray(goal, float)
+    middle = up + to
+    if np.linalg.norm(middle) < 1e-6:  # opposite: half a turn about any line across
+        middle = np.cross(up, np.eye(3)[int(np.argmin(np.abs(up)))])
+    middle = middle / np.linalg.norm(middle)
+    half = 2 * np.outer(middle, middle) - np.eye(3)  # half a turn about the line between both
+    return np.asarray(half @ (2 * np.outer(up, up) - np.eye(3))) if up @ to > -1 + 1e-9 else half
+
+
+def link_origin(part: Part) -> F64:
+    """Return [3] where a link's frame stands: on its joint's axis, the base in the world's."""
+    return np.zeros(3) if part.joint is None else np.asarray(part.joint.origin, float)

@@ -9,14 +9,19 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from part2gs_robotics.errors import ExportError
+from part2gs_robotics.errors import CheckError, ExportError
 from part2gs_robotics.exporters.xmlio import add
-from part2gs_robotics.model.solids import corner_normals
-from part2gs_robotics.model.twin import Part, PartMesh, Twin
-from part2gs_robotics.runtime.atomic import write_bytes_atomic
+from part2gs_robotics.model.arrays import F64
+from part2gs_robotics.model.solids import GREY, corner_normals
+from part2gs_robotics.model.twin import Part, PartMesh, Texture, Twin
+from part2gs_robotics.runtime.atomic import write_bytes_atomic, write_error
 
 NAME = re.compile(r"[a-z0-9_]+\Z")  # bare names every simulator and package tool accepts
 CREASE = np.cos(np.deg2rad(30.0))  # faces farther apart form an edge; Blender's default as well
+ASSETS = "assets"  # folder of meshes and pictures, as in MuJoCo Menagerie
+MAX_OBJ_BYTES = 1 << 30  # five million triangles with texture take 600 MB
+MOST_PIXELS = 16384  # a side; the largest texture graphics cards take
+FARTHEST = 1e18  # scene units: float32, which every engine takes, still squares it
 NORMAL_DIGITS = 3  # 0.06 degrees: no eye sees it, and a flat wall has one normal
 
 
@@ -35,26 +40,27 @@ def require_name(name: str) -> str:
 
 
 def visual_name(part: Part) -> str:
-    """Return the file name of a part's visual mesh."""
-    return f"{require_name(part.name)}_visual.obj"
+    """Return the file of a part's visual mesh, from the twin folder."""
+    return f"{ASSETS}/{require_name(part.name)}_visual.obj"
 
 
 def piece_name(part: Part, index: int) -> str:
-    """Return the file name of a part's convex piece."""
-    return f"{require_name(part.name)}_piece_{index:02d}.obj"
+    """Return the file of a part's convex piece, from the twin folder."""
+    return f"{ASSETS}/{require_name(part.name)}_piece_{index:02d}.obj"
 
 
 def texture_name(part: Part) -> str:
-    """Return the file name of a part's texture."""
-    return f"{require_name(part.name)}_texture.png"
+    """Return the file of a part's texture, from the twin folder."""
+    return f"{ASSETS}/{require_name(part.name)}_texture.png"
 
 
 def write_meshes(twin: Twin, folder: Path) -> list[Path]:
-    """Write every visual mesh and convex piece of a twin; return the files."""
+    """Write every visual mesh and convex piece of a twin into `assets/`; return the files."""
     written = []
+    make_assets(folder)
     for part in twin.parts:
         written.append(write_obj(part.mesh, folder / visual_name(part), shaded=True))
-        written += _write_texture(part, folder)
+        written += write_texture(part, folder)
         written += [
             write_obj(piece, folder / piece_name(part, i)) for i, piece in enumerate(part.pieces)
         ]
@@ -105,15 +111,32 @@ def _distinct(corners: NDArray[np.floating]) -> tuple[list[list[float]], list[in
     return rows[first].tolist(), (index.ravel() + 1).tolist()
 
 
-def _write_texture(part: Part, folder: Path) -> list[Path]:
-    """Write the picture of a textured part and the material that names it; return the files."""
+def make_assets(folder: Path) -> None:
+    """Make the folder of meshes and pictures.
+
+    Raises:
+        StoreError: if it cannot be made.
+    """
+    try:
+        (folder / ASSETS).mkdir(parents=True, exist_ok=True)
+    except OSError as err:
+        raise write_error(folder / ASSETS, err) from err
+
+
+def png_of(texture: Texture) -> bytes:
+    """Return the picture of a texture as PNG."""
     import cv2
 
+    return bytes(cv2.imencode(".png", texture.image[..., ::-1])[1].tobytes())
+
+
+def write_texture(part: Part, folder: Path) -> list[Path]:
+    """Write the picture of a textured part and the material that names it; return the files."""
     texture = part.mesh.texture
     if texture is None:
         return []
     picture = folder / texture_name(part)
-    write_bytes_atomic(picture, cv2.imencode(".png", texture.image[..., ::-1])[1].tobytes())
+    write_bytes_atomic(picture, png_of(texture))
     material = (folder / visual_name(part)).with_suffix(".mtl")
     lines = f"newmtl {material.stem}\nKa 1 1 1\nKd 1 1 1\nKs 0 0 0\nmap_Kd {picture.name}\n"
     write_bytes_atomic(material, lines.encode())
@@ -138,3 +161,80 @@ def add_material(asset: ET.Element, part: Part) -> None:
     picture = f"{part.name}_texture"
     add(asset, "texture", name=picture, type="2d", file=texture_name(part))
     add(asset, "material", name=name, texture=picture, rgba=(1, 1, 1, 1))
+
+
+def read_png(path: Path) -> NDArray[np.uint8]:
+    """Return the picture of a texture, [H, W, 3] RGB.
+
+    Raises:
+        CheckError: if it is no PNG of a sensible size.
+    """
+    import cv2
+
+    data = path.read_bytes()
+    sides = int.from_bytes(data[16:20], "big"), int.from_bytes(data[20:24], "big")
+    small = data[:8] == b"\x89PNG\r\n\x1a\n" and 0 < max(sides) <= MOST_PIXELS
+    image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR) if small else None
+    if image is None:
+        raise CheckError(f"{path}: is no PNG of up to {MOST_PIXELS} pixels a side. Needed the "
+                         "picture that `build` writes; build the twin again.")
+    return np.ascontiguousarray(image[..., ::-1], np.uint8)
+
+
+def read_obj(path: Path, image: NDArray[np.uint8] | None = None,
+             synthesised: float = 0.0) -> PartMesh:
+    """Return the triangles of an OBJ: places, colours and, with a picture, texture coordinates.
+
+    Args:
+        path: as `write_obj` writes it; names, groups, materials and normals are passed over.
+        image: picture of its texture.
+        synthesised: share of the surface area nobody saw.
+
+    Raises:
+        CheckError: too large, or not such a file.
+    """
+    if path.stat().st_size > MAX_OBJ_BYTES:
+        raise CheckError(f"{path}: larger than {MAX_OBJ_BYTES >> 20} MB. Needed a mesh of a few "
+                         "million triangles at most; simplify it.")
+    rows: dict[str, list[str]] = {"v": [], "vt": [], "f": []}
+    for line in path.read_bytes().decode("ascii", "replace").splitlines():
+        key, _, rest = line.partition(" ")
+        if key in rows:
+            rows[key].append(rest)
+    try:
+        points, uv = _table(rows["v"], (6, 3)), _table(rows["vt"], (2, 3))
+        corners = _corners(rows["f"], (len(points), len(uv)))
+    except ValueError as error:
+        raise CheckError(f"{path}: is not a mesh of triangles ({error}). Needed OBJ with `v x y z` "
+                         "and faces of three corners; export it as triangles.") from None
+    colored = points.shape[1] == 6
+    colors = (np.rint(points[:, 3:] * 255).clip(0, 255) if colored
+              else np.tile(GREY, (len(points), 1)))
+    texture = None
+    if image is not None and corners.shape[2] > 1 and len(uv):
+        texture = Texture(uv[corners[..., 1], :2].astype(np.float32), image)
+    return PartMesh(points[:, :3], corners[..., 0], colors.astype(np.uint8), synthesised, texture)
+
+
+def _table(rows: list[str], widths: tuple[int, ...]) -> F64:
+    """Return the numbers of rows that are all equally long."""
+    width = len(rows[0].split()) if rows else widths[0]
+    found = np.array(" ".join(rows).split(), np.float64)
+    if width not in widths or len(found) != width * len(rows):
+        raise ValueError(f"{len(found)} numbers in {len(rows)} rows")
+    if np.abs(found).max(initial=0.0) > FARTHEST:
+        raise ValueError(f"a coordinate beyond {FARTHEST:g}")
+    return found.reshape(-1, width)
+
+
+def _corners(rows: list[str], counts: tuple[int, int]) -> NDArray[np.int64]:
+    """Return [F, 3, 1 or 2] indices of places and texture coordinates of the corners of faces."""
+    words = " ".join(rows).split()
+    if len(words) != 3 * len(rows) or not rows:
+        raise ValueError(f"{len(words)} corners in {len(rows)} faces")
+    fields = [word.split("/")[:2] for word in words]
+    both = all(len(field) == 2 and field[1] for field in fields)
+    found = np.array([field if both else field[:1] for field in fields]).astype(np.int64) - 1
+    if (found < 0).any() or (found >= np.array(counts[:found.shape[1]])).any():
+        raise ValueError("a face names a vertex that does not exist")
+    return found.reshape(len(rows), 3, -1)

@@ -23,7 +23,7 @@ from part2gs_robotics.exporters.dynamics import (
     physics_of,
 )
 from part2gs_robotics.exporters.inertia import MassProperties, density, density_per_unit
-from part2gs_robotics.exporters.meshfile import piece_name, visual_name
+from part2gs_robotics.exporters.meshfile import piece_name, texture_name, visual_name
 from part2gs_robotics.exporters.mjcf import joint_name
 from part2gs_robotics.model.joint import Joint
 from part2gs_robotics.model.kinematics import moves
@@ -35,7 +35,7 @@ from part2gs_robotics.runtime.atomic import write_bytes_atomic
 Source = Literal["measured", "fitted", "derived", "assumed"]
 Tree = dict[str, object]
 MAX_YAML_BYTES = 20_000_000  # a twin of 20 parts is 100 kB
-FORMAT = 1  # version of the file's layout
+FORMAT = 2  # version of the file's layout; 2 names files from the twin folder, in assets/
 
 
 def write_twin_yaml(twin: Twin, folder: Path, extra: Mapping[str, object] | None = None) -> Path:
@@ -84,7 +84,7 @@ def _scale(twin: Twin) -> Tree:
     if twin.meters_per_unit is None:
         taken = f"{twin.assumed_meters:g} m per unit"
         note = f"the scene gives no scale; masses and gravity take {taken}"
-        return _value("unknown", "assumed", note)
+        return _value("unknown", "assumed", note) | {"taken": twin.assumed_meters}
     return _value(twin.meters_per_unit, "measured", twin.scale_note)
 
 
@@ -114,6 +114,7 @@ def _part(twin: Twin, part: Part, props: MassProperties) -> Tree:
         "name": part.name,
         "parent": twin.parts[part.parent].name if part.parent >= 0 else None,
         "visual_mesh": visual_name(part),
+        "texture": None if part.mesh.texture is None else texture_name(part),
         "collision_meshes": [piece_name(part, i) for i in range(len(part.pieces))],
         "watertight": watertight(part.mesh),
         "volume": _value(props.volume, "fitted", "exact integral over the closed mesh, units^3"),

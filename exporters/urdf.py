@@ -1,4 +1,4 @@
-"""Write twin.urdf: the same twin for ROS, with bare mesh names beside it."""
+"""Write twin.urdf: the same twin for ROS, with mesh names from its own folder."""
 
 from __future__ import annotations
 

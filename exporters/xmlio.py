@@ -12,11 +12,14 @@ from numpy.typing import NDArray
 from part2gs_robotics.errors import ExportError
 from part2gs_robotics.runtime.atomic import write_bytes_atomic
 
-DIGITS = 10  # of the largest number in a vector: a thousandth of what a reader of six can see
+DIGITS = 10  # of the largest in a vector; 6 turn an axis by 7e-7, and a chain by more than 1e-6
 
 
 def number(value: float) -> str:
-    """Return a finite number with 10 digits (a twin needs six), `-0` as `0`.
+    """Return a finite number with 10 digits, `-0` as `0`.
+
+    What places a part or says what it weighs keeps them: six would move the end of a chain by
+    more than 1e-6 of the size. What is assumed has six from the start (`dynamics.ASSUMED_DIGITS`).
 
     Raises:
         ExportError: for NaN or infinity, which MuJoCo reads without an error.

@@ -18,10 +18,10 @@ _MESH = re.compile(r'(<mesh\b[^>]*?\bfilename=)(["\'])(?![a-z0-9+.-]+://)(.*?)\2
 
 
 def with_file_uris(text: str, folder: Path) -> str:
-    """Return the URDF text with every bare mesh name as a file URI below `folder`.
+    """Return the URDF text with every mesh name as a file URI below `folder`.
 
-    The exported URDF names its meshes bare, which MuJoCo and offline viewers need; RViz resolves
-    URIs only.
+    The exported URDF names its meshes from its own folder, which MuJoCo and offline viewers need;
+    RViz resolves URIs only.
     """
     return _MESH.sub(
         lambda found: f"{found[1]}{found[2]}{(folder / found[3]).as_uri()}{found[2]}", text

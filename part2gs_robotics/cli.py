@@ -12,12 +12,12 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from types import FrameType
-from typing import cast
+from typing import cast, get_args
 
 from part2gs_robotics import __version__
 from part2gs_robotics.config import Config, resolve
-from part2gs_robotics.errors import Part2GSError
-from part2gs_robotics.flags import Call, command_options, parse
+from part2gs_robotics.errors import ConfigError, Part2GSError
+from part2gs_robotics.flags import Call, Format, command_options, parse
 
 OK, FAILED, BAD_INPUT, OUR_BUG, INTERRUPTED = 0, 1, 2, 3, 130  # see flags.EXIT_CODES; 128 + SIGINT
 
@@ -118,4 +118,23 @@ def _capture(call: Call) -> int:
     return OK
 
 
-RUN: dict[str, Callable[[Call], int]] = {"build": _build, "check": _check, "capture": _capture}
+def _export(call: Call) -> int:
+    from part2gs_robotics.outputs import export_twin
+
+    kind = call.flags.get("format")
+    if kind is None:
+        raise ConfigError("command line: export got no --format. Expected "
+                          f"{'|'.join(get_args(Format))}; see --help.")
+    folder = Path(call.paths[0])
+    files, notes = export_twin(folder, str(kind), Path(str(call.flags.get("out")
+                                                           or folder / str(kind))))
+    if not call.flags.get("quiet"):
+        for note in notes:
+            sys.stdout.write(f"repaired: {note}\n")
+        shown = [file for file in files if file.parent.name != "assets"] or files
+        sys.stdout.write(f"{len(files)} files: {', '.join(map(str, shown[:6]))}\n")
+    return OK
+
+
+RUN: dict[str, Callable[[Call], int]] = {"build": _build, "check": _check, "export": _export,
+                                         "capture": _capture}

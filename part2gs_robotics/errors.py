@@ -41,7 +41,7 @@ class ExportError(Part2GSError):
 
 
 class CheckError(Part2GSError):
-    """The twin or model given to `check` cannot be read."""
+    """The twin or model given to `check` or `export` cannot be read."""
 
 
 class StoreError(Part2GSError):

@@ -7,11 +7,13 @@ import difflib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import groupby
-from typing import NoReturn, cast, get_args, get_origin
+from typing import Literal, NoReturn, cast, get_args, get_origin
 
 from part2gs_robotics import __version__
 from part2gs_robotics.config import PRESETS, Option, Value, convert, options
 from part2gs_robotics.errors import ConfigError
+
+Format = Literal["mjcf", "urdf", "usd", "sdf", "glb", "ros"]
 
 
 @dataclass(frozen=True)
@@ -42,6 +44,12 @@ COMMANDS = {
                       "output")),
     "check": Command("the simulator checks alone, on a twin folder or MJCF file", ("PATH",),
                      ("check",)),
+    "export": Command("write a twin folder's twin as MJCF, URDF, USD, SDFormat, glTF or for ROS 2",
+                      ("TWIN",), (),
+                      (Option("format", ("export",), (Format,), None,
+                              "what to write; must be given"),
+                       Option("out", ("export",), (str,), None,
+                              "folder of the new files; default: TWIN/FORMAT"))),
     "capture": Command("render a two-state scene with ground truth from an MJCF or URDF model",
                        ("MODEL", "SCENE"), (),
                        (_capture("views", int, 64, "training views per state"),

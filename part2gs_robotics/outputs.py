@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
+from importlib import import_module
 from pathlib import Path
+from typing import cast
 
 import numpy as np
 import yaml
@@ -11,6 +14,7 @@ from numpy.typing import NDArray
 
 from part2gs_robotics import __version__
 from part2gs_robotics.config import Config, to_dict
+from part2gs_robotics.errors import StoreError
 from part2gs_robotics.model.gaussians import Gaussians
 from part2gs_robotics.model.motion import Motion
 from part2gs_robotics.model.scale import ASSUMED
@@ -19,7 +23,7 @@ from part2gs_robotics.model.scene_frame import SceneFrame, gaussians_in_scene
 from part2gs_robotics.model.twin import Twin
 from part2gs_robotics.plan import Plan
 from part2gs_robotics.report.report_json import ReportData, write_report
-from part2gs_robotics.runtime.atomic import write_text_atomic
+from part2gs_robotics.runtime.atomic import replace_files, write_text_atomic
 from part2gs_robotics.sim_checks.result import CheckReport
 from part2gs_robotics.stages import Fitted
 
@@ -139,3 +143,39 @@ def _summary(out: Path, twin: Twin, report: CheckReport) -> str:
     lines.append(f"checks {'pass' if report.ok else 'FAIL'}; {out}: scene.xml, twin.xml, "
                  "twin_actuated.xml, twin.urdf, twin.yaml, report.html")
     return "\n".join(lines) + "\n"
+
+
+def export_twin(folder: Path, kind: str, out: Path) -> tuple[list[Path], tuple[str, ...]]:
+    """Write a twin folder's twin in another format; return the files and what was repaired.
+
+    All is written beside the target and moved there when it is whole.
+
+    Args:
+        folder: with twin.yaml.
+        kind: mjcf, urdf, usd, sdf, glb or ros.
+        out: folder of the new files; files of the same name in it are replaced.
+
+    Raises:
+        Part2GSError: if the folder is damaged, a part cannot be repaired, or out not be written.
+    """
+    from part2gs_robotics.exporters.read_twin import read_twin
+    from part2gs_robotics.exporters.sound import sound_twin
+
+    if out.resolve() == folder.resolve():
+        raise StoreError(f"{out}: is the twin folder itself. Expected another one; choose it "
+                         "with -o.")
+    read = read_twin(folder)
+    twin = sound_twin(read)
+    files = replace_files(out, lambda fresh: _writer(kind)(twin, fresh))
+    return files, twin.notes[len(read.notes):]
+
+
+def _writer(kind: str) -> Callable[[Twin, Path], list[Path]]:
+    """Return the writer of a format: module and function, imported when it is asked for."""
+    module, name = {
+        "mjcf": ("mjcf", "write_mjcf"), "urdf": ("urdf", "write_urdf"), "usd": ("usd", "write_usd"),
+        "sdf": ("sdf", "write_sdf"), "glb": ("glb", "write_glb"),
+        "ros": ("ros_package", "write_ros"),
+    }[kind]
+    found = getattr(import_module(f"part2gs_robotics.exporters.{module}"), name)
+    return cast("Callable[[Twin, Path], list[Path]]", found)

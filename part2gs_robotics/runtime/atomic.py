@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 import os
 import shutil
+from collections.abc import Callable
 from pathlib import Path
 
 from part2gs_robotics.errors import StoreError
@@ -62,3 +63,34 @@ def write_error(path: Path, err: OSError) -> StoreError:
     return StoreError(f"{path}: cannot be written ({err.strerror or err}). Expected a writable "
                       f"folder with free space; {hint}. Earlier results are untouched; the same "
                       "command continues.")
+
+
+def replace_files(out: Path, write: Callable[[Path], object]) -> list[Path]:
+    """Let a writer fill an empty folder, then move its files to `out`; return them there.
+
+    A writer that fails leaves `out` as it was. Models follow the meshes they name.
+
+    Raises:
+        StoreError: if `out` cannot be written.
+    """
+    fresh = out / f".new-{os.getpid()}"
+    late = (".xml", ".urdf", ".sdf", ".usd", ".xacro")
+    try:
+        made = not out.exists()
+        fresh.mkdir(parents=True)
+        try:
+            write(fresh)
+            files = sorted((file for file in fresh.rglob("*") if file.is_file()),
+                           key=lambda file: (file.suffix in late, str(file)))
+            placed = [out / file.relative_to(fresh) for file in files]
+            for file, place in zip(files, placed, strict=True):
+                place.parent.mkdir(parents=True, exist_ok=True)
+                os.replace(file, place)
+            made = False
+            return placed
+        finally:
+            remove_quietly(fresh)
+            if made:
+                remove_quietly(out)
+    except OSError as err:
+        raise write_error(out, err) from err

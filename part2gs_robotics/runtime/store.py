@@ -38,6 +38,7 @@ STAGES = "stages"
 NEW_PREFIX = ".new-"
 PUBLISHED = "published.json"  # files of the last good build
 TEMP_PID = re.compile(r"(?:\.tmp-|^\.new-)(\d+)$")
+_OWN_FILE = re.compile(r"(?:\w[\w-]*/)?\w[\w.-]*")
 # measured: 64 + 64 views at 400 x 400 leave about 60 MB of stages and 40 MB of twin
 NEEDED_BYTES = 256 << 20
 
@@ -187,19 +188,24 @@ class Store:
         record = self.out / STAGES / PUBLISHED
         # meshes first, the models that name them last: a kill in between leaves models that load
         late = (".xml", ".urdf", ".yaml", ".json", ".html")
-        files = sorted(fresh.iterdir(), key=lambda file: (file.suffix in late, file.name))
+        files = sorted((file for file in fresh.rglob("*") if file.is_file()),
+                       key=lambda file: (file.suffix in late, str(file.relative_to(fresh))))
+        names = [file.relative_to(fresh).as_posix() for file in files]
         try:
             for file in files:
                 with file.open("rb") as handle:
                     os.fsync(handle.fileno())
-            for file in files:
-                os.replace(file, self.out / file.name)
-            sync_folder(self.out)
+            folders = {(self.out / name).parent for name in names} | {self.out}
+            for folder in folders:
+                folder.mkdir(exist_ok=True)
+            for file, name in zip(files, names, strict=True):
+                os.replace(file, self.out / name)
+            for folder in folders:
+                sync_folder(folder)
         except OSError as err:
             raise write_error(self.out, err) from err
-        names = [file.name for file in files]
         for stale in set(_names_in(record)) - set(names):  # meshes of parts no longer found
-            remove_quietly(self.out / Path(stale).name)
+            remove_quietly(self.out / stale)
         write_text_atomic(record, json.dumps(names, indent=1))
 
 
@@ -208,7 +214,9 @@ def _names_in(record: Path) -> list[str]:
         names = json.loads(record.read_text("utf-8"))
     except (OSError, ValueError):
         return []
-    return [name for name in names if isinstance(name, str)] if isinstance(names, list) else []
+    found = [name for name in names if isinstance(name, str)] if isinstance(names, list) else []
+    # files of the folder, or of a folder in it: whatever else a record says is never removed
+    return [name for name in found if _OWN_FILE.fullmatch(name)]
 
 
 def write_stage(folder: Path, key: str, saved: Saved) -> None:

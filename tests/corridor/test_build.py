@@ -174,7 +174,7 @@ def test_killed_build_continues_and_equals_an_uninterrupted_one(ball_scene: Path
         assert process.returncode == (130 if number == signal.SIGTERM else -signal.SIGKILL)
         assert not (out / "twin.xml").exists(), "no twin before it is whole"
     assert finish(start(ball_scene, out)) == code
-    for name in ("twin.xml", "twin.urdf", "base_visual.obj", "gaussians.ply"):
+    for name in ("twin.xml", "twin.urdf", "assets/base_visual.obj", "gaussians.ply"):
         assert (out / name).read_bytes() == (tmp_path / "whole" / name).read_bytes()
     events = [json.loads(line) for line in (out / "log.jsonl").read_text().splitlines()]
     resumed = [e["stage"] for e in events if e.get("resumed")]
@@ -186,7 +186,7 @@ def test_killed_build_continues_and_equals_an_uninterrupted_one(ball_scene: Path
 def test_failing_build_keeps_the_earlier_twin(ball_scene: Path, tmp_path: Path) -> None:
     out = tmp_path / "out"
     finish(start(ball_scene, out))
-    before = {path.name: path.read_bytes() for path in out.iterdir()
+    before = {path: path.read_bytes() for path in (*out.iterdir(), *out.glob("assets/*"))
               if path.is_file() and path.name not in ("log.jsonl", "build.lock")}
     (out / "stages" / "04_mesh" / "manifest.json").unlink()
     code = ("import errno, os, sys\nfrom part2gs_robotics import cli\n"
@@ -197,6 +197,6 @@ def test_failing_build_keeps_the_earlier_twin(ball_scene: Path, tmp_path: Path) 
                           capture_output=True, text=True, check=False, timeout=300)
     assert done.returncode == 2, done.stderr
     assert "No space left" in done.stderr
-    after = {name: (out / name).read_bytes() for name in before}
+    after = {path: path.read_bytes() for path in before}
     assert after == before
     assert not [path for path in out.rglob("*") if ".new-" in path.name or ".tmp-" in path.name]

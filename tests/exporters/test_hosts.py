@@ -157,6 +157,20 @@ def test_attach_in_xml_shields_the_twin_from_a_host_in_radians(folder: Path) -> 
     np.testing.assert_allclose(host.joint("t_part_2_joint").range, (0, 1.5), atol=1e-9)
 
 
+@pytest.mark.parametrize("host", [
+    '<mujoco><compiler meshdir="{0}" texturedir="{0}"/><include file="{0}/twin.xml"/></mujoco>',
+    '<mujoco><asset><model name="t" file="{0}/twin.xml"/></asset><worldbody><frame><attach '
+    'model="t" prefix=""/></frame></worldbody></mujoco>'])
+def test_a_host_in_another_folder_finds_the_meshes(tmp_path: Path, folder: Path,
+                                                   host: str) -> None:
+    (tmp_path / "robots").mkdir()
+    (tmp_path / "robots/twin").symlink_to(folder)
+    (tmp_path / "host.xml").write_text(host.format("robots/twin"))
+    found = mujoco.MjModel.from_xml_path(str(tmp_path / "host.xml"))
+    alone = mujoco.MjModel.from_xml_path(str(folder / "twin.xml"))
+    np.testing.assert_array_equal(found.mesh_vert, alone.mesh_vert)
+
+
 def test_twin_is_passive_and_its_motors_are_one_more_file(folder: Path) -> None:
     passive, actuated, scene = (mujoco.MjModel.from_xml_path(str(folder / n))
                                 for n in ("twin.xml", "twin_actuated.xml", "scene.xml"))

@@ -54,7 +54,7 @@ def test_normals_reach_mujoco_and_change_nothing_else(tmp_path):
     write_mjcf(twin, tmp_path)
     model = mujoco.MjModel.from_xml_path(str(tmp_path / "twin.xml"))
     part = twin.parts[0]
-    write_obj(part.mesh, tmp_path / "base_visual.obj")  # the same without normals
+    write_obj(part.mesh, tmp_path / "assets/base_visual.obj")  # the same without normals
     plain = mujoco.MjModel.from_xml_path(str(tmp_path / "twin.xml"))
     np.testing.assert_array_equal(model.mesh_vert, plain.mesh_vert)
     np.testing.assert_array_equal(model.mesh_face, plain.mesh_face)

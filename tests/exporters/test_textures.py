@@ -121,19 +121,19 @@ def test_the_compiled_mesh_is_the_same(tmp_path: Path) -> None:
 def test_files_name_each_other(tmp_path: Path) -> None:
     files = write_urdf(painted(toy_cabinet_twin(1)), tmp_path)
     assert all(file.is_file() for file in files)
-    obj = (tmp_path / "base_visual.obj").read_text()
+    obj = (tmp_path / "assets/base_visual.obj").read_text()
     assert "mtllib base_visual.mtl" in obj
-    material = (tmp_path / "base_visual.mtl").read_text()
+    material = (tmp_path / "assets/base_visual.mtl").read_text()
     assert "usemtl base_visual" in obj
     assert "newmtl base_visual" in material
     assert "map_Kd base_texture.png" in material
-    assert cv2.imread(str(tmp_path / "base_texture.png")) is not None
+    assert cv2.imread(str(tmp_path / "assets/base_texture.png")) is not None
 
 
 def test_a_picture_is_stored_as_it_is(tmp_path: Path) -> None:
     twin = painted(toy_cabinet_twin(0))
     write_mjcf(twin, tmp_path)
-    read = cv2.imread(str(tmp_path / "base_texture.png"))[..., ::-1]
+    read = cv2.imread(str(tmp_path / "assets/base_texture.png"))[..., ::-1]
     assert np.array_equal(read, twin.parts[0].mesh.texture.image)
 
 
@@ -147,5 +147,5 @@ def test_other_rooms_hand_textures_on() -> None:
 
 def test_without_textures_no_picture_is_written(tmp_path: Path) -> None:
     write_mjcf(toy_cabinet_twin(1), tmp_path)
-    assert not [*tmp_path.glob("*.png"), *tmp_path.glob("*.mtl")]
+    assert not [*tmp_path.rglob("*.png"), *tmp_path.rglob("*.mtl")]
     assert "texture" not in (tmp_path / "twin.xml").read_text()

@@ -17,6 +17,7 @@ PRODUCT = "part2gs_robotics", "exporters", "sim_checks"
 WORKSHOP = "tests", "benchmarks"
 IMPORTED_AS = {  # where a package and its import differ by more than a dash
     "opencv-contrib-python-headless": "cv2", "pyyaml": "yaml", "scikit-image": "skimage",
+    "usd-core": "pxr",
 }  # fmt: skip
 WITHOUT_IMPORT = {
     "tbb": "runtime/jit.py opens its library by path: it holds nothing to import",
@@ -58,7 +59,7 @@ def imported(folders: tuple[str, ...]) -> dict[str, str]:
             if name not in sys.stdlib_module_names | ours | {"part2gs_robotics"}}
 
 
-@pytest.mark.parametrize(("kind", "folders"), [("run", PRODUCT), ("gpu", PRODUCT),
+@pytest.mark.parametrize(("kind", "folders"), [("run", PRODUCT), ("gpu", PRODUCT), ("usd", PRODUCT),
                                                ("dev", WORKSHOP)])
 def test_what_is_declared_is_imported(kind: str, folders: tuple[str, ...]) -> None:
     used = imported(folders)
@@ -66,7 +67,7 @@ def test_what_is_declared_is_imported(kind: str, folders: tuple[str, ...]) -> No
     assert not idle - set(WITHOUT_IMPORT), "declared and never imported"
 
 
-@pytest.mark.parametrize(("kinds", "folders"), [(("run", "gpu"), PRODUCT),
+@pytest.mark.parametrize(("kinds", "folders"), [(("run", "gpu", "usd"), PRODUCT),
                                                 (("run", "dev"), WORKSHOP)])
 def test_what_is_imported_is_declared(kinds: tuple[str, ...], folders: tuple[str, ...]) -> None:
     known = {import_name(name) for kind in kinds for name in requirements(kind)}
@@ -81,7 +82,7 @@ def test_exceptions_are_still_needed() -> None:
             assert import_name(name) not in imported(folders), f"{name} is imported after all"
 
 
-@pytest.mark.parametrize("kind", ["run", "dev", "gpu"])
+@pytest.mark.parametrize("kind", ["run", "dev", "gpu", "usd"])
 def test_every_dependency_has_its_reason_beside_it(kind: str) -> None:
     lines = (ROOT / "pyproject.toml").read_text().splitlines()
     for requirement in requirements(kind).values():

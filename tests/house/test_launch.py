@@ -22,7 +22,7 @@ from part2gs_robotics.exporters.urdf import write_urdf
 ROOT = Path(__file__).resolve().parents[2]
 URDF = """<?xml version="1.0"?>
 <robot name="box"><mujoco><compiler discardvisual="false"/></mujoco>
-  <link name="base"><visual><geometry><mesh filename="base.obj"/></geometry></visual>
+  <link name="base"><visual><geometry><mesh filename="assets/base.obj"/></geometry></visual>
     <collision><geometry><mesh scale='1 1 1' filename='base_piece_00.stl' /></geometry></collision>
   </link>
   <link name="part_1"><visual><geometry><mesh filename="package://other/a.stl"/></geometry></visual>
@@ -143,7 +143,7 @@ def test_display_publishes_the_urdf_with_uris_that_rviz_finds(urdf: Path) -> Non
     value = nodes["robot_state_publisher"].kwargs["parameters"][0]["robot_description"]
     assert value.kwargs == {"value_type": str}
     names = [m.get("filename") for m in ET.fromstring(value.args[0]).iter("mesh")]
-    uris = [(urdf.parent / name).as_uri() for name in ("base.obj", "base_piece_00.stl")]
+    uris = [(urdf.parent / name).as_uri() for name in ("assets/base.obj", "base_piece_00.stl")]
     assert names == [*uris, "package://other/a.stl", "file:///tmp/b.stl"]
 
 

@@ -212,12 +212,13 @@ def test_leftovers_of_killed_builds_are_removed(stored: Store) -> None:
 def test_new_files_replace_the_earlier_ones_and_stale_ones_go(stored: Store) -> None:
     with stored.new_files() as folder:
         (folder / "twin.xml").write_text("first")
-        (folder / "part_2_visual.obj").write_text("two parts")
+        (folder / "assets").mkdir()
+        (folder / "assets/part_2_visual.obj").write_text("two parts")
     (stored.out / "notes.txt").write_text("mine")
     with stored.new_files() as folder:
         (folder / "twin.xml").write_text("second")
     assert (stored.out / "twin.xml").read_text() == "second"
-    assert not (stored.out / "part_2_visual.obj").exists()
+    assert not (stored.out / "assets/part_2_visual.obj").exists()
     assert (stored.out / "notes.txt").read_text() == "mine"
 
 

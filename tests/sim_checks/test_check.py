@@ -118,7 +118,7 @@ def open_mesh(mesh: PartMesh) -> PartMesh:
 
 def test_open_mesh_is_caught_and_overlap_is_not_claimed(tmp_path: Path) -> None:
     folder = write(toy_cabinet_twin(1), tmp_path / "t")
-    path = folder / "part_1_visual.obj"
+    path = folder / "assets/part_1_visual.obj"
     lines = path.read_text().splitlines()
     path.write_text("\n".join(lines[:-2]) + "\n")
     report = check(folder, only=("mesh", "overlap"))
