@@ -5,12 +5,14 @@ from __future__ import annotations
 import importlib
 import os
 import shutil
+import sys
 from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 import toys
+from ros_stubs import modules
 from toys import Box, cameras, drawn, gaussians_of, scene_of, seen_surface
 
 # mujoco picks its OpenGL backend at import; capture draws off screen.
@@ -47,6 +49,13 @@ def load():
     with pytest.MonkeyPatch.context() as patch:
         patch.syspath_prepend(str(Path(__file__).resolve().parents[1] / "benchmarks"))
         yield importlib.import_module
+
+
+@pytest.fixture
+def stubs(monkeypatch):
+    """Let launch files import stand-ins for ROS."""
+    for name, module in modules().items():
+        monkeypatch.setitem(sys.modules, name, module)
 
 
 @pytest.fixture(scope="session")

@@ -16,7 +16,7 @@ USER_ERRORS = {"SceneError", "ConfigError", "FitError", "MeshError", "EmptyPartE
                "ExportError", "CheckError", "StoreError"}  # fmt: skip
 FOLDER = re.compile(r"(?:part2gs_robotics|exporters|sim_checks|benchmarks|tests|docs|launch)/")
 # What docs name and the repository does not hold: files of a scene or twin, and of other tools.
-ELSEWHERE = {"suite.py", "setup.py"}
+ELSEWHERE = {"suite.py", "setup.py", "control.launch.py"}
 
 
 def ids(pages: list[Path]) -> list[str]:

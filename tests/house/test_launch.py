@@ -4,17 +4,25 @@ from __future__ import annotations
 
 import importlib.util
 import os
+import re
+import shlex
 import shutil
 import subprocess
 import sys
 import xml.etree.ElementTree as ET
-from dataclasses import dataclass, field
 from pathlib import Path
-from types import ModuleType
-from typing import Any
 
 import pytest
 import yaml
+from ros_stubs import (
+    DeclareLaunchArgument,
+    IfCondition,
+    UnlessCondition,
+    by_package,
+    colcon,
+    load,
+    started,
+)
 from synth import toy_cabinet_twin
 
 from part2gs_robotics.exporters.urdf import write_urdf
@@ -28,102 +36,6 @@ URDF = """<?xml version="1.0"?>
   <link name="part_1"><visual><geometry><mesh filename="package://other/a.stl"/></geometry></visual>
     <collision><geometry><mesh filename="file:///tmp/b.stl"/></geometry></collision></link>
 </robot>"""
-
-
-class Recorded:
-    """Stands for any launch class: keeps what it was called with."""
-
-    def __init__(self, *args: Any, **kwargs: Any) -> None:
-        self.args, self.kwargs = args, kwargs
-
-
-class LaunchDescription(Recorded):
-    """A list of entities."""
-
-
-class DeclareLaunchArgument(Recorded):
-    """A declared argument."""
-
-
-class OpaqueFunction(Recorded):
-    """A function that runs once arguments are known."""
-
-
-class ExecuteProcess(Recorded):
-    """A process."""
-
-
-class Node(Recorded):
-    """A ROS node."""
-
-
-class IfCondition(Recorded):
-    """A condition."""
-
-
-class UnlessCondition(Recorded):
-    """The opposite condition."""
-
-
-class ParameterValue(Recorded):
-    """A typed parameter."""
-
-
-@dataclass
-class LaunchContext:
-    """Values of the arguments."""
-
-    values: dict[str, str] = field(default_factory=dict)
-
-
-class LaunchConfiguration(Recorded):
-    """A reference to an argument."""
-
-    def perform(self, context: LaunchContext) -> str:
-        return context.values[self.args[0]]
-
-
-STUBS = {
-    "launch": [LaunchDescription, LaunchContext],
-    "launch.actions": [DeclareLaunchArgument, OpaqueFunction, ExecuteProcess],
-    "launch.conditions": [IfCondition, UnlessCondition],
-    "launch.substitutions": [LaunchConfiguration],
-    "launch_ros": [],
-    "launch_ros.actions": [Node],
-    "launch_ros.parameter_descriptions": [ParameterValue],
-}
-
-
-def load(path: Path) -> ModuleType:
-    spec = importlib.util.spec_from_file_location(path.name.replace(".", "_"), path)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
-
-
-@pytest.fixture
-def stubs(monkeypatch: pytest.MonkeyPatch) -> None:
-    for name, classes in STUBS.items():
-        module = ModuleType(name)
-        for one in classes:
-            setattr(module, one.__name__, one)
-        monkeypatch.setitem(sys.modules, name, module)
-
-
-def started(description: LaunchDescription, **given: str) -> list[Any]:
-    """Return the entities that start, with declared defaults filled in."""
-    entities = description.args[0]
-    arguments = [e for e in entities if isinstance(e, DeclareLaunchArgument)]
-    defaults = {a.args[0]: a.kwargs["default_value"] for a in arguments if len(a.kwargs) > 1}
-    context = LaunchContext(defaults | given)
-    functions = [e.kwargs["function"] for e in entities if isinstance(e, OpaqueFunction)]
-    return [entity for function in functions for entity in function(context)]
-
-
-def by_package(nodes: list[Node]) -> dict[str, Node]:
-    return {n.kwargs["package"]: n for n in nodes}
 
 
 @pytest.fixture
@@ -213,8 +125,49 @@ def test_the_viewer_says_warnings_and_leaves_no_log_file(tmp_path: Path) -> None
     assert [p.name for p in tmp_path.iterdir()] == ["scene.xml"]
 
 
+def yaml_launch() -> tuple[dict[str, str], dict]:
+    """Return the arguments of the YAML launch file with their defaults, and what it executes."""
+    text = (ROOT / "launch/build_and_check.launch.yaml").read_text()
+    entities = yaml.safe_load(text)["launch"]
+    arguments = [e["arg"] for e in entities if "arg" in e]
+    (process,) = [e["executable"] for e in entities if "executable" in e]
+    return {a["name"]: a.get("default", "") for a in arguments}, process
+
+
+@pytest.mark.parametrize(("code", "calls"), [(0, 2), (1, 2), (2, 1)])
+def test_build_and_check_checks_what_was_built(tmp_path: Path, code: int, calls: int) -> None:
+    folder = tmp_path / "a folder"
+    folder.mkdir()
+    robot = folder / "robot"
+    says = 'for word; do echo "$word"; done'
+    robot.write_text(f'#!/bin/sh\n{says}\n[ "$1" = build ] && exit {code}\nexit 7\n')
+    robot.chmod(0o755)
+    given = {"robot": str(robot), "scene": str(folder / "s $x"), "out": str(folder / "out")}
+    arguments, process = yaml_launch()
+    assert set(arguments) == set(given)
+    entries = {e["name"]: re.fullmatch(r"\$\(var (\w+)\)", e["value"])[1] for e in process["env"]}
+    env = os.environ | {name: given[argument] for name, argument in entries.items()}
+    done = subprocess.run(shlex.split(process["cmd"]), env=env, capture_output=True, text=True,
+                          check=False)
+    build = ["build", given["scene"], "-o", given["out"]]
+    assert done.stdout.splitlines() == build + (["check", given["out"]] if calls == 2 else [])
+    assert done.returncode == (7 if calls == 2 else code)
+
+
+def test_build_and_check_finds_the_installed_command(install: Path) -> None:
+    default = yaml_launch()[0]["robot"]
+    path = default.replace("$(find-pkg-prefix part2gs_robotics)", str(install))
+    assert os.access(path, os.X_OK)
+
+
+def test_real_launch_reads_the_yaml_file() -> None:
+    sources = pytest.importorskip("launch.launch_description_sources", reason="needs ROS 2")
+    path = str(ROOT / "launch/build_and_check.launch.yaml")
+    assert sources.AnyLaunchDescriptionSource(path).try_get_launch_description_without_context()
+
+
 @pytest.mark.usefixtures("stubs")
-@pytest.mark.parametrize("name", ["display", "simulate"])
+@pytest.mark.parametrize("name", ["display", "simulate", "gazebo"])
 def test_a_missing_model_is_named(tmp_path: Path, name: str) -> None:
     module = load(ROOT / f"launch/{name}.launch.py")
     with pytest.raises(FileNotFoundError, match=r"absent\.xml: no such .* Expected .* model:="):
@@ -240,7 +193,8 @@ def test_package_xml_names_what_the_launch_files_start() -> None:
     package = parse(str(ROOT / "package.xml"))
     package.validate()
     assert (package.package_format, package.get_build_type()) == (3, "ament_python")
-    needed = {"launch", "launch_ros", "robot_state_publisher", "joint_state_publisher_gui", "rviz2"}
+    needed = {"launch", "launch_ros", "robot_state_publisher", "joint_state_publisher_gui", "rviz2",
+              "ros_gz_sim", "ros_gz_bridge", "launch_yaml"}  # fmt: skip
     assert needed <= {d.name for d in package.exec_depends}
 
 
@@ -251,20 +205,10 @@ def test_launch_folder_is_data_not_a_package() -> None:
 @pytest.fixture(scope="module")
 def install(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Build the package with colcon, as a ROS workspace would."""
-    if shutil.which("colcon", path=str(Path(sys.executable).parent)) is None:
-        pytest.skip("colcon is not installed; it is part of the dev extra")
     workspace = tmp_path_factory.mktemp("workspace")
-    source = workspace / "src/part2gs_robotics"
     ignored = shutil.ignore_patterns(".*", "out", "build", "dist", "*.egg-info", "__pycache__")
-    shutil.copytree(ROOT, source, ignore=ignored)
-    path = f"{Path(sys.executable).parent}:{os.environ['PATH']}"
-    quiet = {"PYTHONWARNINGS": "ignore", "COLCON_LOG_LEVEL": "error", "PATH": path}
-    command = ["colcon", "build", "--event-handlers", "console_direct+"]
-    done = subprocess.run(
-        command, cwd=workspace, env=os.environ | quiet, capture_output=True, text=True, check=False
-    )
-    assert done.returncode == 0, done.stdout + done.stderr
-    return workspace / "install/part2gs_robotics"
+    shutil.copytree(ROOT, workspace / "src/part2gs_robotics", ignore=ignored)
+    return colcon(workspace) / "part2gs_robotics"
 
 
 def test_colcon_installs_the_ros_package(install: Path) -> None:
@@ -272,7 +216,8 @@ def test_colcon_installs_the_ros_package(install: Path) -> None:
     assert (install / "share/ament_index/resource_index/packages/part2gs_robotics").is_file()
     assert (share / "package.xml").is_file()
     assert {p.name for p in (share / "launch").glob("*.*")} >= {
-        "display.launch.py", "simulate.launch.py", "twin.rviz",
+        "display.launch.py", "simulate.launch.py", "gazebo.launch.py", "twin.rviz",
+        "build_and_check.launch.yaml",
     }  # fmt: skip
     assert (install / "lib/part2gs_robotics/part2gs-robot").is_file()
     (package,) = install.glob("lib/python3*/site-packages/part2gs_robotics")
@@ -294,7 +239,7 @@ def test_installed_launch_files_refer_to_installed_files(install: Path, urdf: Pa
     assert len(started(description, model=str(urdf))) == 4
 
 
-@pytest.mark.parametrize("name", ["display", "simulate"])
+@pytest.mark.parametrize("name", ["display", "simulate", "gazebo"])
 def test_real_launch_accepts_the_files(name: str) -> None:
     pytest.importorskip("launch_ros", reason="needs a ROS 2 installation")
     assert load(ROOT / f"launch/{name}.launch.py").generate_launch_description().entities
