@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from part2gs_robotics.errors import CheckError, ExportError
 from part2gs_robotics.exporters.xmlio import add
 from part2gs_robotics.model.arrays import F64
+from part2gs_robotics.model.gaussians import Gaussians
 from part2gs_robotics.model.solids import GREY, corner_normals
 from part2gs_robotics.model.twin import Part, PartMesh, Texture, Twin
 from part2gs_robotics.runtime.atomic import write_bytes_atomic, write_error
@@ -238,3 +239,33 @@ def _corners(rows: list[str], counts: tuple[int, int]) -> NDArray[np.int64]:
     if (found < 0).any() or (found >= np.array(counts[:found.shape[1]])).any():
         raise ValueError("a face names a vertex that does not exist")
     return found.reshape(len(rows), 3, -1)
+
+
+def write_gaussians_ply(gaussians: Gaussians, path: Path) -> Path:
+    """Write Gaussians as binary little-endian 3DGS PLY, atomically; return the file."""
+    n, rest = len(gaussians), 3 * gaussians.shN.shape[1]
+    names = _properties(rest)
+    columns = [
+        gaussians.means,
+        np.zeros((n, 3), np.float32),
+        gaussians.sh0,
+        gaussians.shN.transpose(0, 2, 1).reshape(n, rest),  # channel-major: all R, all G, all B
+        gaussians.logit_opacities[:, None],
+        gaussians.log_scales,
+        gaussians.quats,
+    ]
+    table = np.concatenate([np.asarray(c, "<f4") for c in columns], 1)
+    header = ["ply", "format binary_little_endian 1.0", f"element vertex {n}"]
+    header += [f"property float {name}" for name in names] + ["end_header\n"]
+    write_bytes_atomic(path, "\n".join(header).encode() + table.astype("<f4").tobytes())
+    return path
+
+
+def _properties(rest: int) -> list[str]:
+    return [
+        *("x", "y", "z", "nx", "ny", "nz", "f_dc_0", "f_dc_1", "f_dc_2"),
+        *(f"f_rest_{i}" for i in range(rest)),
+        "opacity",
+        *(f"scale_{i}" for i in range(3)),
+        *(f"rot_{i}" for i in range(4)),
+    ]

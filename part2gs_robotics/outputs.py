@@ -103,7 +103,7 @@ def _counts(result: BuildResult) -> dict[str, float]:
 
 def _write_gaussians(folder: Path, result: BuildResult) -> None:
     """Write the Gaussians of state 0, whole and per part: at q = 0 they lie on the meshes."""
-    from part2gs_robotics.exporters.gaussian_ply import write_gaussians_ply
+    from part2gs_robotics.exporters.meshfile import write_gaussians_ply
 
     gaussians = gaussians_in_scene(result.fits[0][0], result.frame)
     labels = result.motion.labels(0)

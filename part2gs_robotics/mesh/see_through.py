@@ -76,7 +76,7 @@ def missed(boards: Sequence[BoardSolid], place: Place, maps: Sequence[PartMaps])
 def _voxels(grid: Grid, points: F64) -> tuple[I64, Mask]:
     """Return indices of the voxels that points lie in, and [N] which lie in any."""
     index = np.rint((points - grid.lo) / grid.voxel).astype(int)
-    inside = ((index >= 0) & (index < np.array(grid.shape))).all(1)
+    inside = np.asarray(((index >= 0) & (index < np.array(grid.shape))).all(1), bool)
     return index[inside], inside
 
 

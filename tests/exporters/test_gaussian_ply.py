@@ -9,7 +9,7 @@ import pytest
 from gaussian_ply_reader import read_gaussians_ply
 
 from part2gs_robotics.errors import ExportError
-from part2gs_robotics.exporters.gaussian_ply import write_gaussians_ply
+from part2gs_robotics.exporters.meshfile import write_gaussians_ply
 from part2gs_robotics.model.gaussians import Gaussians
 
 HEAD = b"ply\nformat binary_little_endian 1.0\n"

@@ -91,7 +91,8 @@ def test_flat_pieces_are_left_out_and_the_hull_takes_their_place(tmp_path: Path)
 
 
 @pytest.mark.parametrize(("name", "plain"), [
-    ("part_1", "part_1"), ("Tür <links> & \"x\"", "tur_links_x"), ("部品", "part_0"), ("", "part_0"),
+    ("part_1", "part_1"), ("Tür <links> & \"x\"", "tur_links_x"), ("部品", "part_0"),
+    ("", "part_0"),
     ("a b", "a_b"), ("9", "n_9"), ("world", "world_2"), ("x" * 999, "x" * 60),
     ("\x00\n", "part_0"),
 ])
