@@ -40,7 +40,7 @@ def sound_twin(twin: Twin) -> Twin:
         try:
             mass_properties(part.mesh, density_per_unit(found))
         except ExportError as error:
-            raise ExportError(f"part {part.name}: {error}") from None
+            raise ExportError(f"{part.name}: {error}") from None
     return found
 
 

@@ -69,8 +69,8 @@ def test_display_publishes_an_exported_twin_on_its_world_link(tmp_path: Path) ->
     robot = ET.fromstring(value.args[0])
     children = {c.get("link") for c in robot.findall("joint/child")}
     assert {one.get("name") for one in robot.findall("link")} - children == {"world"}
-    assert all((tmp_path / Path(m.get("filename", "")).name).as_uri() == m.get("filename")
-               for m in robot.iter("mesh"))
+    files = {(tmp_path / "assets" / m.name).as_uri() for m in (tmp_path / "assets").glob("*.obj")}
+    assert {m.get("filename") for m in robot.iter("mesh")} == files
     settings = yaml.safe_load((ROOT / "launch/twin.rviz").read_text())["Visualization Manager"]
     assert settings["Global Options"]["Fixed Frame"] in children
 
