@@ -13,12 +13,16 @@ from part2gs_robotics.boards.cells import Cells, cells_of
 from part2gs_robotics.boards.cut import Belief, inside_cells
 from part2gs_robotics.boards.facets import smooth_facets
 from part2gs_robotics.boards.outlines import Outlines, drawn_to_outlines
-from part2gs_robotics.boards.planes import families
+from part2gs_robotics.boards.planes import families, flat_share
 from part2gs_robotics.boards.polyhedra import convex_cells, joined
 from part2gs_robotics.model.arrays import F32, F64, I64, Mask
 
 if TYPE_CHECKING:
     from manifold3d import Manifold
+
+# Of the observed surface: less is curved. Of 11 parts those made of boards had 0.48 to 0.93, the
+# curved ones of a toilet 0.02, 0.41 and 0.60: near the border either surface does.
+MOSTLY = 0.45
 
 
 @dataclass(frozen=True)
@@ -31,6 +35,7 @@ class BoardSolid:
         inside: [C] which cells are inside.
         pieces: convex solids that it is the union of.
         whole: their union, closed; empty if no cell is inside.
+        flat: share of the observed noisy surface that lies in planes, 0..1.
     """
 
     belief: Belief
@@ -38,6 +43,12 @@ class BoardSolid:
     inside: Mask
     pieces: list[Manifold]
     whole: Manifold
+    flat: float
+
+    @property
+    def curved(self) -> bool:
+        """Whether flat faces are not what the part is made of."""
+        return self.flat < MOSTLY
 
     @property
     def values(self) -> F32:
@@ -53,9 +64,9 @@ def refined(solid: BoardSolid, states: Sequence[Outlines]) -> BoardSolid:
         solid: of a part.
         states: masks of both states, with cameras in the part's frame.
     """
-    raw, cells = solid.whole.to_mesh64(), solid.cells
     if not solid.pieces:
         return solid
+    raw, cells = solid.whole.to_mesh64(), solid.cells
     vertices = np.array(raw.vert_properties[:, :3], np.float64)
     moved = drawn_to_outlines(cells.families, vertices, np.array(raw.tri_verts, np.int64), states,
                               cells.grid.voxel)
@@ -81,8 +92,9 @@ def board_solid(belief: Belief, vertices: F64, faces: I64, edges: F64) -> BoardS
     flux = 0.5 * np.cross(tri[:, 1] - tri[:, 0], tri[:, 2] - tri[:, 0])
     place = ((surface.centers - grid.lo) / grid.voxel).T
     observed = map_coordinates(belief.surface, place, order=1, mode="nearest")
-    cells = cells_of(grid, families(surface, flux, observed, edges, grid.voxel))
-    return _of_cells(belief, cells, 0.0)
+    found = families(surface, flux, observed, edges, grid.voxel)
+    flat = flat_share(surface, found, observed, grid.voxel)
+    return _of_cells(belief, cells_of(grid, found if flat >= MOSTLY else ()), 0.0, flat)
 
 
 def filled(solid: BoardSolid, worth: F64) -> BoardSolid:
@@ -92,10 +104,12 @@ def filled(solid: BoardSolid, worth: F64) -> BoardSolid:
         solid: of a part.
         worth: [C] in voxels of full belief.
     """
-    return _of_cells(solid.belief, solid.cells, worth)
+    if solid.curved:
+        return solid
+    return _of_cells(solid.belief, solid.cells, worth, solid.flat)
 
 
-def _of_cells(belief: Belief, cells: Cells, worth: F64 | float) -> BoardSolid:
+def _of_cells(belief: Belief, cells: Cells, worth: F64 | float, flat: float) -> BoardSolid:
     inside = inside_cells(cells, belief, worth)
     pieces = convex_cells(cells, inside)
-    return BoardSolid(belief, cells, inside, pieces, joined(pieces, cells.grid.voxel))
+    return BoardSolid(belief, cells, inside, pieces, joined(pieces, cells.grid.voxel), flat)

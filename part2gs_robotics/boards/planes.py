@@ -69,6 +69,23 @@ def families(surface: Facets, flux: F64, observed: F64, edges: F64, voxel: float
     return tuple(found)
 
 
+def flat_share(surface: Facets, found: tuple[Family, ...], observed: F64, voxel: float) -> float:
+    """Return the share of the observed surface that lies in planes and faces as they do.
+
+    Args:
+        surface: all faces with smoothed normals.
+        found: families of planes.
+        observed: [F] share 0..1 of every face that photos saw.
+        voxel: of the grid that the surface came from.
+    """
+    weights, flat = surface.areas * np.maximum(observed, 1e-3), np.zeros(len(observed), bool)
+    for family in found:
+        levels = surface.centers @ family.normal
+        gaps = np.abs(levels[:, None] - family.offsets).min(1)
+        flat |= (np.abs(surface.normals @ family.normal) > CLUSTER) & (gaps < WINDOW * voxel)
+    return float(weights @ flat / max(weights.sum(), 1e-300))
+
+
 def _tilted(normals: list[F64], surface: Facets, observed: F64, voxel: float) -> list[F64]:
     """Return directions of walls a few degrees off those found."""
     weights, found = surface.areas * np.maximum(observed, 1e-3), list[F64]()

@@ -50,6 +50,8 @@ def with_rest(solid: BoardSolid, smooth: Manifold, fine: F32, missed: F64) -> Bo
     """
     import manifold3d
 
+    if solid.curved:
+        return solid
     grid = solid.belief.grid
     boxes = boxes_of(contradicted(solid.belief, solid.values > 0, fine > 0, missed))
     if not boxes or smooth.is_empty():

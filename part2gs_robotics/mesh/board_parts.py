@@ -81,7 +81,7 @@ def board_surfaces(place: Place, evidence: Sequence[Fused], wholes: Sequence[Sol
     boards = [_drawn(board, k, place, maps) for k, board in enumerate(boards)]
     boards = [with_rest(board, *own, wanted) for board, own, wanted
               in zip(boards, smooth, missed(boards, place, maps), strict=True)]
-    surfaces = [_closed(board, wholes[k], k) for k, board in enumerate(boards)]
+    surfaces = [_closed(board, smooth[k][0], k) for k, board in enumerate(boards)]
     return all_apart(surfaces, [board.pieces for board in boards], place,
                      wholes[0].grid.voxel)
 
@@ -94,15 +94,15 @@ def _drawn(board: BoardSolid, part: int, place: Place, maps: Sequence[PartMaps])
         for one, pose in zip(maps, poses, strict=True)])
 
 
-def _closed(board: BoardSolid, whole: Solid, part: int) -> Manifold:
+def _closed(board: BoardSolid, smooth: Manifold, part: int) -> Manifold:
     """Return the closed surface of a solid of flat faces, the noisy one's if it has none."""
-    surface = vertices_apart(without_bits(board.whole), whole.grid.voxel)
+    surface = vertices_apart(without_bits(board.whole), board.cells.grid.voxel)
     reason = flaw(surface)
     if reason is None:
         return surface
     logger.warning("part %d: its flat faces do not close (%s); its noisy surface is taken", part,
                    reason)
-    return closed_surface(whole, f"part {part}", 1.0)
+    return smooth
 
 
 def _cut_out(place: Place, evidence: Sequence[Fused], wholes: Sequence[Solid],
@@ -112,17 +112,24 @@ def _cut_out(place: Place, evidence: Sequence[Fused], wholes: Sequence[Solid],
     With each, the noisy surface of the same part and the values of its grid.
     """
     found: dict[int, BoardSolid] = {}
+    bodies: dict[int, Solid] = {}
     smooth: dict[int, tuple[Manifold, F32]] = {}
     for k in (*range(1, place.count), 0):
         belief, solid = belief_of(evidence[k], k == 0), wholes[k]
-        taken = _taken(k, found, place, solid)
+        taken = _taken(k, bodies, place, solid)
         if taken.any():
             belief = replace(belief, inside=np.where(taken, np.float32(-1), belief.inside))
             away = np.where(taken, np.minimum(solid.values, np.float32(-1)), solid.values)
             solid = replace(solid, values=away)
         noisy = closed_surface(solid, f"part {k}", 1.0)
         smooth[k] = noisy, solid.values
-        found[k] = board_solid(belief, *arrays(noisy), edges[k])
+        board = board_solid(belief, *arrays(noisy), edges[k])
+        bodies[k] = solid if board.curved else Solid(board.cells.grid, board.values)
+        if board.curved:
+            logger.info("part %d: %.0f %% of it lies in planes; its smooth surface is taken", k,
+                        100 * board.flat)
+            board = replace(board, whole=noisy, pieces=[])
+        found[k] = board
     return [found[k] for k in range(place.count)], [smooth[k] for k in range(place.count)]
 
 
@@ -149,13 +156,12 @@ def belief_of(fused: Fused, base: bool) -> Belief:
     return Belief(fused.grid, inside.astype(np.float32), surface.astype(np.float32), outside)
 
 
-def _taken(part: int, others: dict[int, BoardSolid], place: Place, solid: Solid) -> Mask:
+def _taken(part: int, others: dict[int, Solid], place: Place, solid: Solid) -> Mask:
     """Return [X, Y, Z] where other parts are, or come by."""
     grid = solid.grid
     full = Solid(grid, np.full(grid.shape, 3.0, np.float32))
     taken = np.zeros(grid.shape, bool)
-    for other, found in others.items():
-        rival = Solid(found.cells.grid, found.values)
+    for other, rival in others.items():
         if not (rival.values > 0).any():
             continue
         if part:  # two that move may well meet elsewhere: a drawer runs into a shut door
