@@ -154,8 +154,8 @@ def _control(root: ET.Element, twin: Twin) -> None:
         _interfaces(control, twin.parts[index])
     gz = _with(root, "gz")
     _argument(gz, "controllers", f"{share}/config/controllers.yaml")
-    element = add(add(gz, "gazebo"), "plugin", filename=GZ_PLUGIN[0], name=GZ_PLUGIN[1])
-    add(element, "parameters").text = "$(arg controllers)"
+    reader = add(add(gz, "gazebo"), "plugin", filename=GZ_PLUGIN[0], name=GZ_PLUGIN[1])
+    add(reader, "parameters").text = "$(arg controllers)"
 
 
 def _interfaces(control: ET.Element, part: Part) -> None:

@@ -18,6 +18,7 @@ TABLES = {
     ("docs/ablation.md", "plan"): ("plan", "plan_table", "markdown"),
     ("docs/ablation.md", "ablation"): ("ablation", "ablation_report", "markdown"),
     ("docs/edges.md", "edges"): ("edges", "edges", "table"),
+    ("docs/judges.md", "judges"): ("judges", "judges", "table"),
     ("docs/masks.md", "masks"): ("masks", "masks", "table"),
 }
 OWN = {"solids": "solids", "simulators": "simulators", "states": "other_states"}
