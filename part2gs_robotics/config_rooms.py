@@ -132,7 +132,7 @@ class MeshConfig:
     clearance_voxels: float = 1.0
     """gap kept between neighbouring parts, in grid cells"""
     flat_walls: bool = True
-    """noisy walls are laid flat on fitted planes and their edges made sharp"""
+    """parts are solids of flat faces with sharp edges where photos show such"""
     free_range: bool = True
     """joints go as far as nothing is in the way; off: between the two photographed states"""
     collision_gap: float = 0.002
