@@ -34,7 +34,8 @@ def convex_cells(cells: Cells, inside: Mask) -> list[Manifold]:
         body, index = waiting.pop()
         full = inside[index]
         if full.all():
-            found.append(_trimmed(body, cells, index))
+            body = _trimmed(body, cells, index)
+            found += [] if body.is_empty() else [body]
         if full.all() or not full.any():
             continue
         family, level = _best_split(cells.digits[index], full)

@@ -40,7 +40,8 @@ def all_apart(surfaces: Sequence[Manifold], pieces: Sequence[Sequence[Manifold]]
         place: joints, and the part that carries each.
         voxel: size of the grid's cells, scene units.
     """
-    out, kept = list(surfaces), [list(own) for own in pieces]
+    out = list(surfaces)
+    kept = [[piece for piece in own if not piece.is_empty()] for own in pieces]
     for part in (*range(1, place.count), 0):
         for other in range(1, part or place.count):
             always, along = _swept(other, part, kept[other], place, voxel)
@@ -55,11 +56,11 @@ def all_apart(surfaces: Sequence[Manifold], pieces: Sequence[Sequence[Manifold]]
 
 
 def without_bits(solid: Manifold) -> Manifold:
-    """Return a solid without loose pieces that are a crumb of it."""
+    """Return a solid without loose pieces that are a crumb of it; rooms closed all round stay."""
     import manifold3d
 
     pieces, whole = solid.decompose(), solid.volume()
-    kept = [piece for piece in pieces if piece.volume() > LOOSE * whole]
+    kept = [piece for piece in pieces if piece.volume() < 0 or piece.volume() > LOOSE * whole]
     if len(kept) == len(pieces) or not kept:
         return solid
     return manifold3d.Manifold.compose(kept)

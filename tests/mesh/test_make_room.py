@@ -1,0 +1,42 @@
+"""Make room: what a part sweeps is cut out of what it passes."""
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from manifold3d import Manifold
+
+from part2gs_robotics.mesh.make_room import all_apart
+from part2gs_robotics.model.joint import Joint
+
+VOXEL = 0.01
+
+
+def world(value: float = 0.5) -> Any:
+    """Return where a slide along x has its two parts: what `all_apart` asks of a Place."""
+    joint = Joint("prismatic", np.array([1.0, 0, 0]), np.zeros(3), value)
+    return SimpleNamespace(count=2, joints=(joint,), parents=(0,))
+
+
+def box(low: tuple[float, ...], high: tuple[float, ...]) -> Manifold:
+    size = np.array(high) - low
+    return Manifold.cube(size.tolist()).translate(low)
+
+
+@pytest.mark.parametrize("empty", [False, True])
+def test_the_base_makes_room_for_a_slide_and_empty_pieces_sweep_nothing(empty: bool) -> None:
+    base, slide = box((-1, -1, -1), (1, 1, 1)), box((-0.2, -0.2, -0.2), (0.2, 0.2, 0.2))
+    pieces = [slide, Manifold()] if empty else [slide]
+    cut, same = all_apart([base, slide], [[base], pieces], world(), VOXEL)
+    assert same.volume() == pytest.approx(slide.volume(), rel=1e-9)
+    gap = 2 * 0.15 * VOXEL
+    assert 8 - cut.volume() == pytest.approx((0.9 + gap) * (0.4 + gap) ** 2, rel=1e-3)
+    for q in np.linspace(0, 0.5, 7):
+        assert (cut ^ slide.translate([q, 0, 0])).volume() == 0
+
+
+def test_what_is_not_in_the_way_stays_as_it_is() -> None:
+    base, slide = box((-1, -1, -1), (1, 1, -0.5)), box((-0.2, -0.2, -0.2), (0.2, 0.2, 0.2))
+    cut, _ = all_apart([base, slide], [[base], [slide]], world(), VOXEL)
+    assert cut is base
