@@ -225,15 +225,24 @@ class _Corridor:
 
     def _separate(self, twin: Twin) -> Twin:
         """Return the twin with ranges of joints, and neighbours' collision pieces apart on them."""
-        from part2gs_robotics.mesh.clearance import with_apart_pieces
+        from part2gs_robotics.mesh.clearance import gap_share, with_apart_pieces
         from part2gs_robotics.mesh.free_range import with_free_ranges
 
         began = time.monotonic()
         free = with_free_ranges(twin) if self.config.mesh.free_range else twin
-        apart = with_apart_pieces(free, self.config.mesh.collision_gap)
+        apart = with_apart_pieces(free, gap_share(free, self.config.mesh.collision_gap,
+                                                  self._metres(free)))
         self._done("separate", time.monotonic() - began,
                    f"{sum(len(part.pieces) for part in apart.parts)} collision pieces")
         return apart
+
+    def _metres(self, twin: Twin) -> float:
+        """Return metres per internal unit, known or assumed."""
+        from part2gs_robotics.model.scale import longest_side
+
+        if self.config.read.known_length is not None:
+            return self.config.read.known_length / longest_side(twin)
+        return self.frame.unit * (self.metres or self.frame.assumed_meters)
 
     def _in_scene(self, twin: Twin) -> Twin:
         """Return a twin of internal units in the scene's own."""

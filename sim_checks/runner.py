@@ -189,6 +189,8 @@ def _run(report: CheckReport, models: Models, summary: TwinSummary | None, wante
     if "overlap" in wanted:
         found, curves = check_interpenetration(still, sweeps, counts[1])
         rows += found
+    table = static.pieces_table(still) if "overlap" in wanted else []
+    rows += static.check_pieces(table, still.size)
     stuck = {r.subject for r in rows if r.name == "reach" and r.status == "fail"}
     rows += check_stability(driven, stuck) if "stability" in wanted else []
     rows += check_passive(still) if "passive" in wanted and models.passive else []
@@ -199,7 +201,7 @@ def _run(report: CheckReport, models: Models, summary: TwinSummary | None, wante
         tuple(j.name for j in still.joints),
         tuple(curves),
         tuple(static.losses_table(still, summary, rows)),
-        tuple(static.pieces_table(still)) if "overlap" in wanted else (),
+        tuple(table),
         (*_notes(still, models.passive, wanted), *warnings_of(rows)),
         size=still.size,
     )

@@ -11,6 +11,8 @@ from part2gs_robotics.sim_checks.interpenetration import LIMIT, Poser, deepest_o
 from part2gs_robotics.sim_checks.result import CheckResult, Status, passed, row
 from part2gs_robotics.sim_checks.subject import Subject
 
+COVERED = 0.5  # of a part's volume: pieces of half its size cover an eighth of a solid one
+STRAY = 0.15  # of the size that a part sticks out of its pieces: more is a board that is missing
 TRIANGLE = 1e-6  # relative slack of A + B >= C: the engine's own rounding
 STATES = ("state_0", "state_1")
 
@@ -108,10 +110,39 @@ def pieces_table(subject: Subject) -> list[dict[str, object]]:
                 "phantom_volume": found.phantom,
                 "phantom_depth": found.phantom_depth,
                 "missing_volume": found.missing,
+                "covered_share": 1.0 - found.missing / max(found.volume, 1e-300),
+                "beyond_surface": found.beyond,
+                "short_of_surface": found.short,
                 "intersection_over_union": found.overlap,
             }
         )
     return table
+
+
+def check_pieces(table: list[dict[str, object]], size: float) -> list[CheckResult]:
+    """Return one row per part: do its collision pieces stand for it.
+
+    Args:
+        table: of `pieces_table`.
+        size: of the object, units.
+    """
+    rows = []
+    for entry in table:
+        covered = _number(entry, "covered_share")
+        far = _number(entry, "short_of_surface")
+        detail = (f"{entry['pieces']} pieces cover {100 * covered:.0f} % of the part (at least "
+                  f"{100 * COVERED:.0f} %), which sticks out by {100 * far / size:.2g} % of the "
+                  "size")
+        good = covered >= COVERED and far <= STRAY * size
+        rows.append(CheckResult("collision", str(entry["part"]), passed(good), far,
+                                STRAY * size, "units", detail))
+    return rows
+
+
+def _number(entry: dict[str, object], name: str) -> float:
+    value = entry[name]
+    assert isinstance(value, int | float)  # pieces_table writes numbers
+    return float(value)
 
 
 def losses_table(

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.ndimage import binary_dilation, distance_transform_edt, label
+from scipy.ndimage import binary_dilation, distance_transform_edt, label, uniform_filter
 
 from part2gs_robotics.boards.board_solid import BoardSolid
 from part2gs_robotics.boards.cut import Belief
@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 DEEP = 1.5  # voxels from flat faces: nearer is the noise of fitted depths
 FEWEST = 12.0  # faces of voxels that rays want stopped in one place: fewer are a ragged rim
 AROUND = 2  # voxels about them: as far as the flat faces are wrong, and their noise
+AROUND_SIDE = 2 * AROUND + 1  # voxels of the cube about one in which rays ask for a whole face
 BLOCK = 4  # voxels: what is replaced is made of such blocks
 OVERLAP = 0.02  # voxels that both reach into each other: what just touches does not join
 
@@ -77,7 +78,8 @@ def contradicted(belief: Belief, filled: Mask, fine: Mask, missed: F64) -> Mask:
         fine: [X, Y, Z] the smooth solid.
         missed: [X, Y, Z] see `with_rest`.
     """
-    wrong = np.where(filled, belief.outside, fine)
+    asked = AROUND_SIDE**3 * uniform_filter(missed, AROUND_SIDE, mode="constant") >= 1.0
+    wrong = np.where(filled, belief.outside, fine & asked)
     depth = distance_transform_edt(filled) + distance_transform_edt(~filled)
     wrong &= depth > DEEP
     places, count = label(wrong, np.ones((3, 3, 3)))

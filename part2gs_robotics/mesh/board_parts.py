@@ -27,6 +27,7 @@ from part2gs_robotics.volume.fuse import Fused
 from part2gs_robotics.volume.part_maps import PartMaps
 from part2gs_robotics.volume.part_solids import DEEP_SHARE
 from part2gs_robotics.volume.place import Place
+from part2gs_robotics.volume.trust import trust
 
 if TYPE_CHECKING:
     from manifold3d import Manifold
@@ -38,6 +39,7 @@ FULL = 2.0  # weight of views, two that face it, at which a surface counts as se
 NEAR = 1.2  # voxels from a surface: the two faces beside it
 ENCLOSED = 0.1  # belief per voxel that nearly every view says is inside a part, though none saw it
 REST = 0.02  # the same of what nobody saw of the base: walls rather stand than hang
+PLAIN = 0.07  # voxels that simplifying may move a surface: two keep to the 0.15 between parts
 ROOM = 0.5  # voxels kept free round what moves
 FILLINGS = 2  # times that rays which nothing stops are looked for
 SAME = np.cos(np.deg2rad(1.5))  # directions of edges that are one
@@ -72,7 +74,7 @@ def board_surfaces(place: Place, evidence: Sequence[Fused], wholes: Sequence[Sol
     Raises:
         MeshError: a part has no closed surface.
     """
-    boards, smooth = _cut_out(place, evidence, wholes, edges)
+    boards, smooth = _cut_out(place, evidence, wholes, maps, edges)
     worth = [np.zeros(len(board.cells)) for board in boards]
     for _ in range(FILLINGS):
         more = unstopped(boards, place, maps)
@@ -82,8 +84,15 @@ def board_surfaces(place: Place, evidence: Sequence[Fused], wholes: Sequence[Sol
     boards = [with_rest(board, *own, wanted) for board, own, wanted
               in zip(boards, smooth, missed(boards, place, maps), strict=True)]
     surfaces = [_closed(board, smooth[k][0], k) for k, board in enumerate(boards)]
-    return all_apart(surfaces, [board.pieces for board in boards], place,
-                     wholes[0].grid.voxel)
+    voxel = wholes[0].grid.voxel
+    apart = all_apart(surfaces, [board.pieces for board in boards], place, voxel)
+    return [_plain(surface, voxel) for surface in apart]
+
+
+def _plain(surface: Manifold, voxel: float) -> Manifold:
+    """Return a surface without vertices that hardly shape it."""
+    fewer = vertices_apart(surface.simplify(PLAIN * voxel), voxel)
+    return fewer if flaw(fewer) is None else surface
 
 
 def _drawn(board: BoardSolid, part: int, place: Place, maps: Sequence[PartMaps]) -> BoardSolid:
@@ -106,7 +115,8 @@ def _closed(board: BoardSolid, smooth: Manifold, part: int) -> Manifold:
 
 
 def _cut_out(place: Place, evidence: Sequence[Fused], wholes: Sequence[Solid],
-             edges: Sequence[F64]) -> tuple[list[BoardSolid], list[tuple[Manifold, F32]]]:
+             maps: Sequence[PartMaps], edges: Sequence[F64],
+             ) -> tuple[list[BoardSolid], list[tuple[Manifold, F32]]]:
     """Return solids of flat faces of all parts, none where another comes by.
 
     With each, the noisy surface of the same part and the values of its grid.
@@ -123,7 +133,11 @@ def _cut_out(place: Place, evidence: Sequence[Fused], wholes: Sequence[Solid],
             solid = replace(solid, values=away)
         noisy = closed_surface(solid, f"part {k}", 1.0)
         smooth[k] = noisy, solid.values
-        board = board_solid(belief, *arrays(noisy), edges[k])
+        vertices, faces = arrays(noisy)
+        poses = np.eye(4), place.state1_from_0[k]
+        told = trust(vertices[faces].mean(1), k, tuple(zip(maps, poses, strict=True)),
+                     solid.grid.voxel)
+        board = board_solid(belief, vertices, faces, edges[k], told)
         bodies[k] = solid if board.curved else Solid(board.cells.grid, board.values)
         if board.curved:
             logger.info("part %d: %.0f %% of it lies in planes; its smooth surface is taken", k,

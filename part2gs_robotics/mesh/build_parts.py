@@ -133,7 +133,7 @@ def _apart(surfaces: list[Manifold], place: Place, voxel: float) -> list[Manifol
 def _part(part: int, surface: Manifold, place: Place, maps: list[PartMaps], voxel: float,
           motion: Motion, convex: bool) -> Part:
     """Return the finished part: colours, collision pieces, joint and limits."""
-    from part2gs_robotics.mesh.convex import convex_pieces
+    from part2gs_robotics.collision.convex import MOST_PIECES, convex_pieces
 
     vertices, faces = arrays(surface)
     mesh = PartMesh(vertices, faces, _colors(vertices, place, part),
@@ -143,7 +143,7 @@ def _part(part: int, surface: Manifold, place: Place, maps: list[PartMaps], voxe
     name, carrier = part_name(part), place.parents[part - 1] if part else -1
     diagnostics = motion.diagnostics[part - 1] if 0 < part <= len(motion.diagnostics) else {}
     # One piece at most is the hull of the whole part.
-    pieces = convex_pieces(mesh, tolerance=voxel, max_pieces=64 if convex else 1)
+    pieces = convex_pieces(mesh, tolerance=voxel, max_pieces=MOST_PIECES if convex else 1)
     return Part(name, carrier, mesh, pieces, joint,
                 (min(0.0, value), max(0.0, value)), "measured", place.num_gaussians[part],
                 dict(diagnostics))

@@ -13,7 +13,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from part2gs_robotics.mesh.cut_pieces import Piece, few_cornered, piece_of
+from part2gs_robotics.collision.few_corners import few_cornered
+from part2gs_robotics.mesh.cut_pieces import Piece, piece_of
 from part2gs_robotics.mesh.free_range import observed_only
 from part2gs_robotics.model.arrays import F64
 from part2gs_robotics.model.kinematics import moving_parts, part_transforms, subtree
@@ -24,7 +25,9 @@ from part2gs_robotics.model.twin import PartMesh, Twin
 if TYPE_CHECKING:
     pass
 
-GAP = 2e-3  # of the size: engines that collide with a margin (Bullet: 1 mm) still see a gap
+GAP = 2e-3  # of the size: engines that collide with a margin still see a gap
+LEAST_GAP = 2.2e-3  # metres: Bullet puts 1 mm round every piece, and rounds
+MOST_GAP = 0.01  # of the size: a small thing would lose more of its walls to the gap than it gains
 STEPS = 30  # per joint; 90 degrees in steps of 3: the arc between leaves 0.03 % of the radius
 COARSE = 1.5e-3  # of the size: copy of a part against which losses are weighed
 SHARES = (0.0, 0.25, 0.5, 0.75, 1.0)  # of a cut that the first of two pieces takes
@@ -32,6 +35,18 @@ SPARE = 0.03  # of its volume a part may lose in one cut; more is a real crossin
 CRUMB = 1e-7  # of the size cubed
 REPEATS = 3  # per short motion, while pieces are cut up: a wall has few openings
 MOST_PIECES = 300  # of the twin; one of four doors and drawers has about 110
+
+
+def gap_share(twin: Twin, share: float, metres: float) -> float:
+    """Return the gap between pieces of two parts, of the size, that engines with margins see too.
+
+    Args:
+        twin: with meshes.
+        share: wanted, of the size; 0 asks for none.
+        metres: of a unit.
+    """
+    size = size_of(tuple(p.mesh for p in twin.parts)) * metres
+    return max(share, min(LEAST_GAP / size, MOST_GAP)) if share > 0 else 0.0
 
 
 def _pieces(twin: Twin, size: float) -> list[Piece]:

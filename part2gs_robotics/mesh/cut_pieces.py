@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from part2gs_robotics.mesh.walls import Facets, facets
+from part2gs_robotics.collision.few_corners import corners_and_normals
+from part2gs_robotics.collision.walls import Facets, facets
 from part2gs_robotics.model.arrays import F64
-from part2gs_robotics.model.points import farthest
 from part2gs_robotics.model.solids import corners_of, hull_of
 
 if TYPE_CHECKING:
@@ -17,8 +17,6 @@ if TYPE_CHECKING:
 
 MOST_SIDES = 8  # of a passage: a drawer has four, noise doubles them
 MOSTLY_EMPTY = 0.25  # of what is cut out of a piece may be real: noise at an opening's rim
-MOST_CORNERS = 64  # of a piece; of 386 pieces of 11 twins 16 had more and lose 0.2 % at most
-FIRST_CORNERS = 8  # as far apart as can be: a solid to measure the others' distance from
 LEAST_SIDE = 1e-3  # of what is real in a piece: less is noise at a corner
 
 
@@ -44,7 +42,7 @@ class Piece:
         for normal, level in planes:
             self.solid = self.solid.trim_by_plane(normal.tolist(), level)
             self.real = self.real.trim_by_plane(normal.tolist(), level)
-        self.vertices, self.normals = _corners(self.solid)
+        self.vertices, self.normals = corners_and_normals(self.solid)
         self.faces = _faces(self.real)
 
     def loss(self, planes: list[tuple[F64, float]]) -> float:
@@ -62,7 +60,7 @@ class Piece:
             gap: that is kept from it, scene units.
         """
         hull = hull_of(passing)
-        sides = _corners(hull)[1]
+        sides = corners_and_normals(hull)[1]
         levels = (sides @ passing.T).max(1) + gap if len(sides) else np.zeros(0)
         rest, faces, shares = self.real, self.faces, list[Piece]()
         while len(sides) and len(shares) < MOST_SIDES and rest.volume() > 0:
@@ -81,26 +79,7 @@ class Piece:
 
 def piece_of(part: int, solid: Manifold, real: Manifold, spare: float) -> Piece:
     """Return a convex solid of a part as a piece, see Piece."""
-    return Piece(part, solid, real, spare, *_corners(solid), _faces(real))
-
-
-def few_cornered(solid: Manifold) -> Manifold:
-    """Return a convex solid, or the one within it of so few of its corners that engines are quick.
-
-    Corners are taken one by one, each the one that lies farthest outside of those before.
-    """
-    points = corners_of(solid)
-    if len(points) <= MOST_CORNERS:
-        return solid
-    chosen = farthest(points, FIRST_CORNERS, 0).tolist()
-    while len(chosen) < MOST_CORNERS:
-        corners, normals = _corners(hull_of(points[chosen]))
-        if not len(normals):
-            return solid
-        outside = (points @ normals.T - (corners @ normals.T).max(0)).max(1)
-        outside[chosen] = -np.inf
-        chosen.append(int(outside.argmax()))
-    return hull_of(points[chosen])
+    return Piece(part, solid, real, spare, *corners_and_normals(solid), _faces(real))
 
 
 def _beyond(faces: Facets, normal: F64, level: float) -> float:
@@ -116,14 +95,3 @@ def _beyond(faces: Facets, normal: F64, level: float) -> float:
 def _faces(solid: Manifold) -> Facets:
     raw = solid.to_mesh64()
     return facets(np.array(raw.vert_properties[:, :3]), np.array(raw.tri_verts, np.int64))
-
-
-def _corners(solid: Manifold) -> tuple[F64, F64]:
-    """Return [V, 3] corners and [N, 3] distinct face normals of a convex solid."""
-    raw = solid.to_mesh64()
-    vertices = np.array(raw.vert_properties[:, :3])
-    tri = vertices[np.array(raw.tri_verts, np.int64)]
-    cross = np.cross(tri[:, 1] - tri[:, 0], tri[:, 2] - tri[:, 0])
-    length = np.linalg.norm(cross, axis=1, keepdims=True)
-    normals = cross[length[:, 0] > 0] / length[length[:, 0] > 0]
-    return vertices, np.unique(normals.round(6), axis=0)

@@ -8,10 +8,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from part2gs_robotics.collision.joined import hull, joined
 from part2gs_robotics.mesh.surface import arrays, flaw, vertices_apart
 from part2gs_robotics.model.arrays import F64
 from part2gs_robotics.model.kinematics import chain, sweep
 from part2gs_robotics.model.se3 import apply, inverse, inverses
+from part2gs_robotics.model.solids import corners_of, hull_of
 from part2gs_robotics.volume.place import Place
 
 if TYPE_CHECKING:
@@ -22,6 +24,7 @@ ARC = 8.0  # cells a corner moves between two poses: the arc bulges by 0.1 beyon
 GAP = 0.15  # cells kept free round what passes: the bulge, and what touches does not overlap
 JUMP = 2.0  # steps: poses farther apart begin another way
 FINE = 1e-3  # cells: what a cut leaves behind is tidied by so much
+EXACT = 1e-4  # of a common hull may be empty: rounding
 LOOSE = 0.01  # of the volume: what a cut leaves hanging in the air, smaller than that, is dropped
 CROSSING = 0.1  # of a moving part that another sweeps: where it is more, both really cross
 GRAZE = 0.015  # the same of one stride: noise of two parts that touch
@@ -41,18 +44,47 @@ def all_apart(surfaces: Sequence[Manifold], pieces: Sequence[Sequence[Manifold]]
         voxel: size of the grid's cells, scene units.
     """
     out = list(surfaces)
-    kept = [[piece for piece in own if not piece.is_empty()] for own in pieces]
+    kept = [_fewer(own, voxel) for own in pieces]
     for part in (*range(1, place.count), 0):
         for other in range(1, part or place.count):
             always, along = _swept(other, part, kept[other], place, voxel)
-            tools = along if part == 0 else _yielding(out[part], along)
-            cut = _without(out[part], [*always, *tools], part, voxel)
+            near = _Tools(along).near(out[part], kept[part])
+            tools = _Tools([*always, *(near if part == 0 else _yielding(out[part], near))])
+            cut = _without(out[part], tools.near(out[part], kept[part]), part, voxel)
             if cut is out[part]:
                 continue
             out[part] = cut
             kept[part] = [less for piece in kept[part]
-                          if not (less := _rest(piece, [*always, *tools])).is_empty()]
+                          if not (less := _rest(piece, tools.near(piece, ()))).is_empty()]
     return out
+
+
+def _fewer(pieces: Sequence[Manifold], voxel: float) -> list[Manifold]:
+    """Return convex pieces, those as one whose common hull is their union."""
+    hulls = [hull(corners_of(piece), float(piece.volume())) for piece in pieces
+             if not piece.is_empty()]
+    solid = [one for one in hulls if one.volume > 0]
+    return [hull_of(one.corners) for one in joined(solid, len(solid), EXACT, FINE * voxel)]
+
+
+class _Tools:
+    """Convex bodies that take from others, with their boxes."""
+
+    def __init__(self, solids: Sequence[Manifold]) -> None:
+        self.solids = [solid for solid in solids if not solid.is_empty()]
+        self.boxes = _boxes(self.solids)
+
+    def near(self, solid: Manifold, pieces: Sequence[Manifold]) -> list[Manifold]:
+        """Return those whose box meets that of a piece of a solid, of the solid without pieces."""
+        own = _boxes(pieces or [solid])
+        low, high = self.boxes[:, None, :3], self.boxes[:, None, 3:]
+        met = np.all((low <= own[None, :, 3:]) & (own[None, :, :3] <= high), axis=2)
+        return [self.solids[i] for i in np.flatnonzero(met.max(axis=1, initial=False))]
+
+
+def _boxes(solids: Sequence[Manifold]) -> F64:
+    """Return [N, 6] lowest and highest corners."""
+    return np.array([solid.bounding_box() for solid in solids], np.float64).reshape(-1, 6)
 
 
 def without_bits(solid: Manifold) -> Manifold:
@@ -84,30 +116,22 @@ def _rest(solid: Manifold, tools: list[Manifold]) -> Manifold:
     """Return a solid minus tools; itself if none takes anything."""
     import manifold3d
 
-    near = [tool for tool in tools if _meet(solid, tool)]
-    if not near:
+    if not tools:
         return solid
-    return solid - manifold3d.Manifold.batch_boolean(near, manifold3d.OpType.Add)
+    rest = solid - manifold3d.Manifold.batch_boolean(tools, manifold3d.OpType.Add)
+    return rest if rest.volume() < solid.volume() else solid
 
 
-def _meet(one: Manifold, other: Manifold) -> bool:
-    a, b = np.array(one.bounding_box()), np.array(other.bounding_box())
-    if (a[:3] > b[3:]).any() or (b[:3] > a[3:]).any():
-        return False
-    return bool((one ^ other).volume() > 0)
-
-
-def _yielding(solid: Manifold, tools: list[Manifold]) -> list[Manifold]:
+def _yielding(solid: Manifold, near: list[Manifold]) -> list[Manifold]:
     """Return the strides to which a moving part yields."""
     import manifold3d
 
-    volume, near = solid.volume(), [tool for tool in tools if _meet(solid, tool)]
     if not near:
         return []
     lost = solid ^ manifold3d.Manifold.batch_boolean(near, manifold3d.OpType.Add)
-    if lost.volume() <= CROSSING * volume:
+    if lost.volume() <= CROSSING * solid.volume():
         return near
-    return [tool for tool in near if (solid ^ tool).volume() <= GRAZE * volume]
+    return [tool for tool in near if (solid ^ tool).volume() <= GRAZE * solid.volume()]
 
 
 def _swept(part: int, carrier: int, pieces: Sequence[Manifold], place: Place,

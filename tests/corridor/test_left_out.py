@@ -124,7 +124,7 @@ def test_the_plan_says_what_was_left_out(ball: Scene, word: str, name: str) -> N
 
 
 def test_one_hull_per_part_without_convex_pieces(tmp_path: Path) -> None:
-    from part2gs_robotics.mesh.convex import convex_pieces
+    from part2gs_robotics.collision.convex import convex_pieces
     from part2gs_robotics.model.solids import to_mesh
 
     manifold3d = pytest.importorskip("manifold3d")

@@ -20,7 +20,9 @@ MAY = {
     "decide": "search evidence render model runtime",
     "joints": "decide search paper evidence render model runtime",
     "volume": "evidence render model runtime", "boards": "model runtime",
-    "mesh": "boards volume evidence render model runtime", "texture": "render model runtime",
+    "collision": "model runtime",
+    "mesh": "collision boards volume evidence render model runtime",
+    "texture": "render model runtime",
     "exporters": "model runtime", "report": "model runtime",
     "sim_checks": "exporters model runtime", "capture": "sim_checks model",
 }  # fmt: skip

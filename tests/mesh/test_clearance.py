@@ -11,16 +11,25 @@ import pytest
 from synth import box, toy_cabinet_twin
 
 from part2gs_robotics.exporters.mjcf import write_mjcf
-from part2gs_robotics.mesh.clearance import separate_pieces
+from part2gs_robotics.mesh.clearance import gap_share, separate_pieces
 from part2gs_robotics.mesh.cut_pieces import piece_of
 from part2gs_robotics.model.se3 import rotation_from_rotvec
-from part2gs_robotics.model.solids import corners_of, hull_of, to_manifold, to_mesh
+from part2gs_robotics.model.solids import corners_of, hull_of, size_of, to_manifold, to_mesh
 from part2gs_robotics.model.twin import Twin
 from part2gs_robotics.sim_checks import check
 from part2gs_robotics.sim_checks.result import format_text
 
 ROTATION = rotation_from_rotvec(np.array([0.4, -0.9, 0.3]))
 SHIFT = np.array([2.0, -1.0, 0.5])
+
+
+@pytest.mark.parametrize(("metres", "share"), [(10.0, 0.002), (0.5, 0.0022 / 0.5), (0.01, 0.01)])
+def test_small_things_get_a_gap_that_engines_with_margins_see(metres: float, share: float) -> None:
+    """A twin whose size is 1 unit long: 0.2 % of it, or 2.2 mm, but 1 % at most."""
+    twin = toy_cabinet_twin(1)
+    size = size_of(tuple(p.mesh for p in twin.parts))
+    assert gap_share(twin, 0.002, metres / size) == pytest.approx(share)
+    assert gap_share(twin, 0.0, metres / size) == 0.0
 
 
 def volume(pieces) -> float:

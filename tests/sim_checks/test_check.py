@@ -53,7 +53,7 @@ def test_sound_twin_passes_everything(sound: tuple[Path, CheckReport]) -> None:
     assert {r.name for r in report.results} >= {
         "compile", "mesh", "inertia", "limits", "observed state", "reach", "tracking",
         "others still", "warnings", "overlap", "phantom contact", "time step", "gain x 100",
-        "hold", "passive", "same twin", "push", "drift",
+        "hold", "passive", "same twin", "push", "drift", "collision",
     }  # fmt: skip
 
 
@@ -210,3 +210,19 @@ def test_base_alone_passes(tmp_path: Path) -> None:
     report = check(write(toy_cabinet_twin(0), tmp_path / "t"))
     assert report.ok, format_text(report)
     assert report.joints == ()
+
+
+@pytest.mark.parametrize("defect", ["half", "shifted", "one missing"])
+def test_pieces_that_are_not_the_part_are_caught(defect: str, tmp_path: Path) -> None:
+    """Half as large, shifted by a third of the part, or without the board at the back."""
+    twin = toy_cabinet_twin(1)
+    base = twin.parts[0]
+    solids = [to_manifold(p) for p in base.pieces]
+    if defect == "half":
+        solids = [s.scale([0.5] * 3) for s in solids]
+    elif defect == "shifted":
+        solids = [s.translate([0.0, 0.0, 0.3]) for s in solids]
+    else:
+        solids = sorted(solids, key=lambda s: s.volume())[:-2]
+    sick = change(twin, 0, pieces=tuple(to_mesh(s) for s in solids))
+    assert ("collision", "base") in failed(check(write(sick, tmp_path), only=("overlap",)))

@@ -6,7 +6,7 @@ import manifold3d
 import numpy as np
 import pytest
 
-from part2gs_robotics.mesh.cut_pieces import MOST_CORNERS, few_cornered
+from part2gs_robotics.collision.few_corners import MOST_CORNERS, few_cornered
 from part2gs_robotics.model.solids import corners_of, hull_of
 
 
