@@ -12,7 +12,8 @@ from reconstruction_suite import number
 Row = dict[str, Any]
 # Title, key, factor, digits.
 LOOKS = (("PSNR, dB", "psnr_db", 1, 1), ("SSIM", "ssim", 1, 3),
-         ("silhouette IoU", "mask_iou", 1, 3), ("rough", "rough", 1, 2), ("of the true mesh", "rough_perfect", 1, 2),
+         ("silhouette IoU", "mask_iou", 1, 3), ("rough", "rough", 1, 2),
+         ("of the true mesh", "rough_perfect", 1, 2),
          ("far, %", "far_all", 100, 1), ("far of seen, %", "far_seen", 100, 1),
          ("CD-s", "cd_s", 1, 2), ("CD-w", "cd_w", 1, 2), ("s", "seconds", 1, 0))  # fmt: skip
 SOLIDS = (("triangles", "triangles", 1, 0), ("pieces", "most_pieces", 1, 0),
