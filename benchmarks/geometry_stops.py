@@ -100,15 +100,21 @@ def derived(twin: Any, name: str | None) -> tuple[float, float] | None:
 
 
 def data_set_limits(case: Case, true: dict[str, Any]) -> tuple[float, float]:
-    """Return how far the data set's own model lets a joint go beyond both states, degrees."""
+    """Return how far the data set's own model lets a hinge go beyond both states, degrees."""
+    low, high = np.rad2deg(joint_range(case, true))
+    first, last = np.rad2deg(true["q"])
+    return (first - low, high - last) if last >= first else (high - first, last - low)
+
+
+def joint_range(case: Case, true: dict[str, Any]) -> tuple[float, float]:
+    """Return the range of a joint in the data set's own model, in the numbers of its states."""
     import mujoco
 
     path = case.kit / "objects" / case.true.info["object"] / "model.xml"
     model = mujoco.MjModel.from_xml_path(str(path))
     joint = model.joint(true["joint"])
-    low, high = np.rad2deg(joint.range) if model.jnt_limited[joint.id] else (-np.inf, np.inf)
-    first, last = np.rad2deg(true["q"])
-    return (first - low, high - last) if last >= first else (high - first, last - low)
+    low, high = joint.range if model.jnt_limited[joint.id] else (-np.inf, np.inf)
+    return float(low), float(high)
 
 
 def true_stop(case: Case, index: int, end: int) -> tuple[float, bool]:
