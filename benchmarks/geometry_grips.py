@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import subprocess
 import sys
 import tempfile
@@ -19,7 +20,7 @@ import numpy as np
 from geometry_kit import Case
 
 TURN, SLIDE = 30.0, 0.2  # degrees, metres: how far a part is pulled
-SHARE = 0.9  # of the true way from state 0, where a slide has less
+SHARE = 0.9  # of its way from state 0, where a slide has less: its end is no matter of grip
 DIAGONAL = 0.7071  # of two axes
 LONGEST = 300  # s of one grip; it takes 20 to 60
 
@@ -47,9 +48,11 @@ HANDLES: dict[str, tuple[Handle, ...]] = {
     "pm_10211_laptop": (
         Handle("screen", 1, (0.688, 0.473, 0.563), (DIAGONAL, 0, -DIAGONAL), (0, -1, 0), 0.3),),
     "sektion_cabinet": (
-        Handle("top drawer", 3, (0.357, 0.045, 0.327), (0, 0, 1), (-1, 0, 0)),),
+        Handle("top drawer", 3, (0.357, 0.045, 0.327), (0, 0, 1), (-1, 0, 0)),
+        Handle("left door's corner", 2, (0.3765, -0.0113, -0.3807), (0.5, 0.5, DIAGONAL),
+               (-DIAGONAL, DIAGONAL, 0)),),
     "libero_microwave": (
-        Handle("door", 1, (0.0534, -0.1692, 0.1414), (1, 0, 0), (0, 1, 0)),),
+        Handle("door", 1, (0.054, -0.17, 0.09), (1, 0, 0), (0, 1, 0)),),
     "libero_wooden_cabinet": (
         Handle("top drawer", 1, (0.0317, -0.101, 0.189), (DIAGONAL, 0, -DIAGONAL), (0, 1, 0)),
         Handle("bottom drawer", 3, (-0.0346, -0.0989, 0.0374), (DIAGONAL, 0, -DIAGONAL),
@@ -63,8 +66,8 @@ HANDLES: dict[str, tuple[Handle, ...]] = {
         Handle("door", 1, (0.0478, -0.9363, 0.6204), (0, -DIAGONAL, DIAGONAL),
                (0, DIAGONAL, DIAGONAL)),),
     "libero_short_cabinet": (
-        Handle("bottom drawer", 3, (0.0338, -0.1064, 0.0395), (-0.5, -0.5, DIAGONAL),
-               (-DIAGONAL, DIAGONAL, 0)),),
+        Handle("bottom drawer", 3, (0.0161, -0.092, 0.0402), (0, -DIAGONAL, DIAGONAL),
+               (0, DIAGONAL, DIAGONAL)),),
     "iai_oven_area": (
         Handle("oven door", 1, (0.3976, -0.0472, 0.5384), (0, 0, 1), (-DIAGONAL, -DIAGONAL, 0)),
         Handle("upper drawer", 2, (0.3467, -0.2485, 0.0625), (0, 0, 1), (-1, 0, 0)),),
@@ -103,7 +106,6 @@ def gripped(case: Case, handle: Handle, pictures: Path | None) -> dict[str, Any]
     `part`: of the twin, None where none matches; `opened`: both fingers touched it and it followed
     by 90 % of what was asked.
     """
-    true = case.true.parts[handle.part - 1]
     row = {"object": case.name, "handle": handle.name, "metres": handle.metres, "opened": False,
            "asked": None, "reached": None, "touching": []}
     part = case.score["parts"][handle.part - 1].get("twin_part")
@@ -112,9 +114,10 @@ def gripped(case: Case, handle: Handle, pictures: Path | None) -> dict[str, Any]
         return row
     with tempfile.TemporaryDirectory() as folder:
         twin = exported(case.twin, handle.metres, Path(folder) / case.name)
-        command = words(case.kit, twin, handle, part, asked(case, true, handle.metres))
+        command = words(case.kit, twin, handle, part, asked(case.twin, part, handle.metres))
         if pictures:
-            picture = pictures / f"grip_{case.name}_{handle.name.replace(' ', '_')}.png"
+            place = re.sub(r"\W+", "_", handle.name)
+            picture = pictures / f"grip_{case.name}_{place}.png"
             command += ["--picture", str(picture.resolve())]
         environment = os.environ | {"PYTHONDONTWRITEBYTECODE": "1"}  # the kit may be read-only
         done = subprocess.run(command, capture_output=True, text=True, check=False, cwd=folder,
@@ -136,16 +139,12 @@ def words(kit: Path, twin: Path, handle: Handle, part: str, by: float) -> list[s
     return [sys.executable, str(kit.resolve() / "grasp.py"), str(twin), *texts, f"--by={by:.6g}"]
 
 
-def asked(case: Case, true: dict[str, Any], metres: float) -> float:
-    """Return how far a part is pulled: TURN, or SLIDE and never farther than it truly goes."""
-    from geometry_stops import joint_range
-
-    if true["type"] != "prismatic":
+def asked(twin: Any, part: str, metres: float) -> float:
+    """Return how far a part is pulled: TURN, or SLIDE and never farther than its joint goes."""
+    (found,) = (one for one in twin.parts if one.name == part)
+    if found.joint.turns:
         return TURN
-    low, high = joint_range(case, true)
-    first, last = true["q"]
-    way = high - first if last >= first else first - low
-    return float(min(SLIDE, SHARE * way * metres))
+    return float(min(SLIDE, SHARE * metres * opening(found).limits[1]))
 
 
 def exported(twin: Any, metres: float, folder: Path) -> Path:
