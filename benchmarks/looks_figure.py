@@ -13,19 +13,18 @@ import argparse
 import sys
 from pathlib import Path
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image
 
 ROOT = Path(__file__).resolve().parents[1]
 FIGURE = ROOT / "docs/looks.png"
 # Free licences only, in the order of the columns; which of the six views shows it best.
 SHOWN = {"libero_microwave": 3, "robosuite_door": 3, "sektion_cabinet": 3,
          "libero_wooden_cabinet": 3, "bigym_dishwasher": 3, "libero_short_cabinet": 3}
-WIDTH = 260  # pixels of a column: six fill a page
+WIDTHS = range(260, 100, -20)  # pixels of a column, six fill a page; narrower until it is small
 MARGIN = 6  # pixels of white around the object and between pictures
 MOST = 400_000  # bytes of the file
-COLOURS = (256, 192, 128, 96, 64, 48, 32)  # of the palette, until the file is small enough
 Image8 = NDArray[np.uint8]
 
 
@@ -45,7 +44,7 @@ def main() -> int:
         if name not in there:
             sys.stderr.write(f"{name}: no picture\n")
     folders = [args.pictures] if args.before is None else [args.before, args.pictures]
-    size = save(figure([column(name, folders) for name in there]), args.out)
+    size = save([column(name, folders) for name in there], args.out)
     sys.stdout.write(f"{args.out}: {len(there)} objects, {size / 1000:.0f} kB\n")
     return 0
 
@@ -56,14 +55,14 @@ def column(name: str, folders: list[Path]) -> list[Image8]:
     photo = next(v[0] for v in reversed(views) if v is not None)
     twins = [np.full_like(photo, 255) if v is None else v[1] for v in views]
     box = around([photo, *twins])
-    return [scaled(picture[box]) for picture in (photo, *twins)]
+    return [picture[box] for picture in (photo, *twins)]
 
 
 def view(path: Path, index: int) -> tuple[Image8, Image8] | None:
     """Return photo and twin of one view of a strip, None if there is no strip."""
     if not path.is_file():
         return None
-    strip = np.asarray(Image.open(path).convert("RGB"))
+    strip = np.asarray(cv2.imread(str(path), cv2.IMREAD_COLOR), np.uint8)
     size = strip.shape[0] // 2
     one = strip[:, index * size:(index + 1) * size]
     return one[:size], one[size:]
@@ -83,28 +82,22 @@ def around(pictures: list[Image8]) -> tuple[slice, slice]:
     return tuple(slice(m - half, m + half) for m in middle)  # type: ignore[return-value]
 
 
-def scaled(picture: Image8) -> Image8:
-    """Return a square picture of the column's width."""
-    image = Image.fromarray(picture).resize((WIDTH, WIDTH), Image.Resampling.LANCZOS)
-    return np.asarray(image)
-
-
-def figure(columns: list[list[Image8]]) -> Image8:
-    """Return all columns side by side on white."""
-    rows = len(columns[0])
-    height, width = (n * (WIDTH + MARGIN) - MARGIN for n in (rows, len(columns)))
-    out = np.full((height, width, 3), 255, np.uint8)
+def figure(columns: list[list[Image8]], width: int) -> Image8:
+    """Return all columns side by side on white, square pictures as wide as told."""
+    size, rows = (width, width), len(columns[0])
+    out = np.full((*(n * (width + MARGIN) - MARGIN for n in (rows, len(columns))), 3), 255, np.uint8)
     for x, pictures in enumerate(columns):
         for y, picture in enumerate(pictures):
-            at = y * (WIDTH + MARGIN), x * (WIDTH + MARGIN)
-            out[at[0]:at[0] + WIDTH, at[1]:at[1] + WIDTH] = picture
+            top, left = y * (width + MARGIN), x * (width + MARGIN)
+            out[top:top + width, left:left + width] = cv2.resize(picture, size,
+                                                                 interpolation=cv2.INTER_AREA)
     return out
 
 
-def save(picture: Image8, path: Path) -> int:
-    """Write a PNG of at most MOST bytes, with as many colours as fit; return its bytes."""
-    for colours in COLOURS:
-        Image.fromarray(picture).quantize(colours).save(path, optimize=True)
+def save(columns: list[list[Image8]], path: Path) -> int:
+    """Write a PNG of at most MOST bytes, as wide as that allows; return its bytes."""
+    for width in WIDTHS:
+        cv2.imwrite(str(path), figure(columns, width), [cv2.IMWRITE_PNG_COMPRESSION, 9])
         if path.stat().st_size <= MOST:
             break
     return path.stat().st_size

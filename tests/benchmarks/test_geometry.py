@@ -166,14 +166,14 @@ def test_a_figure_has_photo_and_twins_above_one_another(load, tmp_path, monkeypa
     for folder, colour in (("old", (30, 30, 200)), ("new", (30, 200, 30))):
         (tmp_path / folder).mkdir()
         strip[size + 10:size + 30] = colour
-        module.Image.fromarray(strip).save(tmp_path / folder / f"{name}.png")
+        module.cv2.imwrite(str(tmp_path / folder / f"{name}.png"), strip)
     out = tmp_path / "looks.png"
     monkeypatch.setattr(sys, "argv", ["looks_figure.py", "--pictures", str(tmp_path / "new"),
                                       "--before", str(tmp_path / "old"), "--out", str(out)])
     assert module.main() == 0
-    made = np.asarray(module.Image.open(out).convert("RGB")).astype(int)
-    assert made.shape == (3 * module.WIDTH + 2 * module.MARGIN, module.WIDTH, 3)
+    made, width = module.cv2.imread(str(out)), module.WIDTHS[0]
+    assert made.shape == (3 * width + 2 * module.MARGIN, width, 3)
     for k, strongest in enumerate((0, 2, 1)):
-        middle = made[k * (module.WIDTH + module.MARGIN) + module.WIDTH // 2, module.WIDTH // 2]
+        middle = made[k * (width + module.MARGIN) + width // 2, width // 2]
         assert int(np.argmax(middle)) == strongest
     assert "no picture" in capsys.readouterr().err
