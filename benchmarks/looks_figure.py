@@ -85,7 +85,8 @@ def around(pictures: list[Image8]) -> tuple[slice, slice]:
 def figure(columns: list[list[Image8]], width: int) -> Image8:
     """Return all columns side by side on white, square pictures as wide as told."""
     size, rows = (width, width), len(columns[0])
-    out = np.full((*(n * (width + MARGIN) - MARGIN for n in (rows, len(columns))), 3), 255, np.uint8)
+    whole = [n * (width + MARGIN) - MARGIN for n in (rows, len(columns))]
+    out = np.full((*whole, 3), 255, np.uint8)
     for x, pictures in enumerate(columns):
         for y, picture in enumerate(pictures):
             top, left = y * (width + MARGIN), x * (width + MARGIN)
