@@ -68,7 +68,7 @@ def table(rows: list[Row], columns: tuple[tuple[str, str, int, int], ...]) -> st
 
 def shown(value: float | None, factor: float, digits: int) -> str:
     """Return a number in the unit of its column."""
-    return number(None if value is None else factor * value, digits)
+    return number(None if value is None else factor * value + 0.0, digits)
 
 
 def goals(rows: list[Row]) -> str:
@@ -121,7 +121,7 @@ def stop_table(rows: list[Row]) -> str:
     """Return every end of a hinge that shows its stop."""
     kinds = {"limit": "data set and meshes", "mesh": "meshes"}
     out = [[row["object"], s["joint"], "01"[s["end"]], kinds[s["kind"]],
-            *(number(s[key], 1) for key in ("limit", "mesh", "found", "error"))]
+            *(shown(s[key], 1, 1) for key in ("limit", "mesh", "found", "error"))]
            for row in rows for s in row.get("stops") or () if s["kind"]]
     return lines(("object", "joint", "beyond state", "stop told by", "data set, deg",
                   "true meshes, deg", "twin, deg", "error, deg"), out) if out else ""
