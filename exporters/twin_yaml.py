@@ -156,7 +156,8 @@ def _joint(twin: Twin, index: int, physics: Physics) -> Tree:
 def _range_note(part: Part) -> str:
     if part.limits_source == "derived":
         return ("covers both observed states, and beyond them what the closed meshes leave free; "
-                "at most 180 degrees, or a fifth of a slide inside its carrier")
+                "at most 180 degrees unless both stops are found, or a fifth of a slide inside its "
+                "carrier")
     return "covers both observed states"
 
 

@@ -26,6 +26,8 @@ TURN_BACK, SLIDE_BACK = np.deg2rad(0.5), 1e-3  # rad, of the size: room for coll
 TURN_STEP = np.deg2rad(2.0)  # a point at half a diagonal moves 1.7 % of it: no wall is missed
 SLIDE_STEP = 0.01  # of the size, likewise
 REFINED = 6  # halvings of the step that met something: 0.03 deg, 0.02 % of the size
+DEEPER = np.deg2rad(0.5)  # beyond the stop, to see how fast the overlap grows: a quarter of a step
+MOST_BACK = np.deg2rad(4.0)  # CONTACT at a radius of 1 % of the size, less than a thick door's
 MOST_TURN = np.pi  # rad of a whole range: what nothing stops is not known to turn farther
 PLACES = 9  # of a range, in combinations of two joints: 20 degrees apart at most
 INSIDE = 0.2  # of a slide's length stays within what carries it: farther it falls out
@@ -135,6 +137,8 @@ class _Sweep:
             new = min(way + step, limit)
             if self._meets(index, start + sign * new, rests):
                 far = self._refined(index, (start, sign), (way, new), rests)
+                if joint.turns:
+                    far = self._touched(index, (start, sign), far, rests)
                 back = TURN_BACK if joint.turns else SLIDE_BACK * self.size
                 return _Reach(max(far - back, 0.0), True)
             way = new
@@ -151,6 +155,21 @@ class _Sweep:
             else:
                 free = middle
         return free
+
+    def _touched(self, index: int, ray: tuple[float, float], far: float,
+                 rests: list[list[float]]) -> float:
+        """Return where a turning part touches what it is CONTACT deep in at `far`.
+
+        Near its axis a part turns far until it is as deep: a thick edge beside the hinge. The
+        overlap of two faces that meet grows in proportion to the angle, so the line through two of
+        them leads back to the touch. One that grows slower is a rub, which began at no one angle.
+        """
+        start, sign = ray
+        near, deep = (max(self._overlap(index, start + sign * (far + more), rest)
+                          for rest in rests) for more in (0.0, DEEPER))
+        growth = deep - near
+        back = near * DEEPER / growth if growth > 0 else np.inf
+        return max(far - back, 0.0) if back <= MOST_BACK else far
 
     def _meets(self, index: int, q: float, rests: list[list[float]]) -> bool:
         return any(self._overlap(index, q, rest) > CONTACT * self.size for rest in rests)
@@ -195,11 +214,11 @@ def _short_of(values: F64, bad: Mask, ends: Range) -> Range:
 
 
 def _shared(below: _Reach, above: _Reach, spare: float) -> tuple[float, float]:
-    """Return both ways, together at most `spare`; what something stops counts first."""
-    if below.way + above.way <= spare:
+    """Return both ways, together at most `spare`, but as far as two stops that were found."""
+    if below.way + above.way <= spare or (below.stopped and above.stopped):
         return below.way, above.way
     if below.stopped != above.stopped:
         down = below.way if below.stopped else spare - above.way
         return max(down, 0.0), max(spare - max(down, 0.0), 0.0)
-    share = spare / (below.way + above.way)
+    share = spare / (below.way + above.way)  # neither is known
     return share * below.way, share * above.way

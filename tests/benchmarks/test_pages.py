@@ -19,6 +19,7 @@ TABLES = {
     ("docs/ablation.md", "ablation"): ("ablation", "ablation_report", "markdown"),
     ("docs/edges.md", "edges"): ("edges", "edges", "table"),
     ("docs/judges.md", "judges"): ("judges", "judges", "table"),
+    ("docs/geometry.md", "geometry"): ("geometry", "geometry_tables", "markdown"),
     ("docs/masks.md", "masks"): ("masks", "masks", "table"),
 }
 OWN = {"solids": "solids", "simulators": "simulators", "states": "other_states"}

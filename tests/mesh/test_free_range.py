@@ -18,6 +18,7 @@ from part2gs_robotics.mesh.free_range import (
 )
 from part2gs_robotics.model.joint import Joint
 from part2gs_robotics.model.se3 import apply, screw_motion
+from part2gs_robotics.model.solids import to_mesh
 from part2gs_robotics.model.twin import Part, PartMesh, Twin
 
 GREY = (120, 120, 120)
@@ -170,3 +171,62 @@ def test_what_meets_between_the_states_waits_and_keeps_its_range():
     twin = crossing_twin(0.9)
     alone = with_free_ranges(replace(twin, parts=twin.parts[:2])).parts[1].limits
     assert with_free_ranges(twin).parts[1].limits[1] >= min(0.9, alone[1])
+
+
+NEAR = np.deg2rad(0.5)  # of a stop in closed form, beside the room that is left before it
+
+
+def hung(base, boxes, axis, value=0.6):
+    """A part of boxes that turns about an axis through the origin, beside a base of boxes."""
+    joint = Joint("revolute", np.array(axis, float), np.zeros(3), value)
+    return Twin("toy", (union_part("base", -1, base, None, (0.0, 0.0), GREY),
+                        union_part("part_1", 0, boxes, joint, (0.0, value), GREY)))
+
+
+@pytest.mark.parametrize("thick", [0.03, 0.06, 0.12])
+def test_the_thick_edge_of_a_door_meets_the_front_beside_its_hinge(thick):
+    gap = 0.01
+    twin = hung([((-1.0, 0.0, 0.0), (1.0, 0.6, 1.0))],
+                [((gap, -thick, 0.0), (0.9, -1e-3, 1.0))], -UP)
+    stop = np.pi - np.arctan2(thick, gap)  # its corner comes round to the plane of the front
+    assert with_free_ranges(twin).parts[1].limits[1] == pytest.approx(stop - TURN_BACK, abs=NEAR)
+
+
+@pytest.mark.parametrize("away", [0.05, 0.3])
+def test_a_lid_leans_against_the_wall_behind_it(away):
+    thick, top = 0.04, 1.2
+    box, wall = ((0.0, -1.0, -0.5), (1.0, 0.0, -1e-3)), ((0.0, away, -0.5), (1.0, away + 0.1, top))
+    twin = hung([box, wall], [((0.0, -1.0, 0.0), (1.0, 0.0, thick))], (-1.0, 0.0, 0.0))
+    far = np.hypot(1.0, thick)
+    stop = np.pi - np.arccos(away / far) - np.arctan(thick)
+    assert with_free_ranges(twin).parts[1].limits[1] == pytest.approx(stop - TURN_BACK, abs=NEAR)
+
+
+def test_a_barrel_that_turns_in_its_socket_stops_nothing():
+    import manifold3d
+
+    thick, radius, hole = 0.04, 0.05, 0.0502
+    ajar = screw_motion(UP, np.zeros(3), -0.6, 0.0)  # closed, its back lies flush with the front
+    joint = Joint("revolute", UP, np.zeros(3), -0.6)
+    solid = manifold3d.Manifold
+    base = solid.cube([2.0, 0.6, 1.0]).translate([-1.0, 0.0, 0.0])
+    door = solid.cube([0.88, thick, 1.0]).translate([0.02, -thick, 0.0])
+    base -= solid.cylinder(1.0, hole, -1.0, 256)
+    door += solid.cylinder(1.0, radius, -1.0, 256)
+    twin = Twin("toy", (Part("base", -1, to_mesh(base), (), None),
+                        Part("part_1", 0, to_mesh(door.transform(ajar[:3])), (), joint)))
+    low, high = with_free_ranges(twin).parts[1].limits
+    assert high == pytest.approx(0.6 - TURN_BACK, abs=NEAR)
+    # Opened, its front comes round to the plane beside the socket, whose corner it meets first.
+    stop = np.pi - np.arcsin(thick / hole)
+    assert low == pytest.approx(0.6 - stop + TURN_BACK, abs=2 * NEAR), "within simpler copies"
+
+
+def test_two_stops_that_are_farther_apart_than_half_a_turn_both_count():
+    blade = [((0.2, -0.01, 0.0), (1.0, 0.01, 0.3))]
+    pillars = [((-0.1, -0.7, 0.0), (0.0, -0.5, 0.3)), ((-0.7, -0.1, 0.0), (-0.5, 0.0, 0.3)),
+               ((-0.1, -0.1, -0.1), (0.1, 0.1, -0.05))]
+    low, high = with_free_ranges(hung(pillars, blade, UP, 0.3)).parts[1].limits
+    edge = np.arcsin(0.01 / 0.5)  # half the blade's thickness at the nearer edge of a pillar
+    assert low == pytest.approx(-np.pi / 2 + edge + TURN_BACK, abs=NEAR)
+    assert high == pytest.approx(np.pi - edge - TURN_BACK, abs=NEAR)
