@@ -7,20 +7,19 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.ndimage import distance_transform_edt, map_coordinates
+from scipy.ndimage import map_coordinates
 
 from part2gs_robotics.boards.cells import Cells, cells_of
 from part2gs_robotics.boards.cut import Belief, inside_cells
 from part2gs_robotics.boards.facets import smooth_facets
 from part2gs_robotics.boards.outlines import Outlines, drawn_to_outlines
-from part2gs_robotics.boards.planes import Seen, families, flat_share
+from part2gs_robotics.boards.planes import families, flat_share
 from part2gs_robotics.boards.polyhedra import convex_cells, joined
 from part2gs_robotics.model.arrays import F32, F64, I64, Mask
 
 if TYPE_CHECKING:
     from manifold3d import Manifold
 
-RIM = 2.0  # voxels between a surface and background of masks: they bound it
 MOSTLY = 0.45  # of the observed surface: parts of boards had 0.48 to 0.93, curved ones 0.02 to 0.6
 
 
@@ -74,8 +73,7 @@ def refined(solid: BoardSolid, states: Sequence[Outlines]) -> BoardSolid:
     return replace(solid, cells=cells, pieces=pieces, whole=joined(pieces, cells.grid.voxel))
 
 
-def board_solid(belief: Belief, vertices: F64, faces: I64, edges: F64,
-                trusted: F64) -> BoardSolid:
+def board_solid(belief: Belief, vertices: F64, faces: I64, edges: F64) -> BoardSolid:
     """Return the solid of flat faces that explains a belief best.
 
     Args:
@@ -83,7 +81,6 @@ def board_solid(belief: Belief, vertices: F64, faces: I64, edges: F64,
         vertices: [V, 3] of its noisy closed surface, where planes are looked for.
         faces: [F, 3] outward.
         edges: [E, 3] unit directions of straight edges, in the part's frame at state 0.
-        trusted: [F] share 0..1 of every face whose depth photos tell.
 
     Source: cells of planes labelled by a minimum cut, after Chauve, Labatut and Pons 2010; their
         planes come from fitted surfaces and from edges in the photos.
@@ -93,10 +90,7 @@ def board_solid(belief: Belief, vertices: F64, faces: I64, edges: F64,
     flux = 0.5 * np.cross(tri[:, 1] - tri[:, 0], tri[:, 2] - tri[:, 0])
     place = ((surface.centers - grid.lo) / grid.voxel).T
     observed = map_coordinates(belief.surface, place, order=1, mode="nearest")
-    rim = distance_transform_edt(~belief.outside)  # of masks, which tell where a surface is
-    told = map_coordinates(rim, place, order=1, mode="nearest") < RIM
-    seen = Seen(observed, np.maximum(trusted, told))
-    found = families(surface, flux, seen, edges, grid.voxel)
+    found = families(surface, flux, observed, edges, grid.voxel)
     flat = flat_share(surface, found, observed, grid.voxel)
     return _of_cells(belief, cells_of(grid, found if flat >= MOSTLY else ()), 0.0, flat)
 

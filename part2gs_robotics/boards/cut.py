@@ -10,7 +10,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.ndimage import gaussian_filter
 from scipy.sparse import coo_matrix, csr_matrix
 from scipy.sparse.csgraph import breadth_first_order, maximum_flow
 
@@ -20,8 +19,6 @@ from part2gs_robotics.model.grid import Grid
 
 INVENTED = 0.5  # voxels of full belief that a voxel's face nobody saw costs
 SEEN_FACE = 0.02  # the same of a face that photos saw: ties go to the smaller surface
-SMOOTH = 1.5  # voxels over which a seen surface's slope is taken: noise of fitted depth
-ALIKE = 2.0  # times the cosine between face and surface: faces of voxels are 55 degrees off at most
 CAPACITY = 1e9  # all capacities together, in the whole numbers of the flow: int32 holds twice that
 FINENESS = 100.0  # whole numbers per voxel, where CAPACITY allows it
 
@@ -55,27 +52,20 @@ def inside_cells(cells: Cells, belief: Belief, worth: F64 | float = 0.0) -> Mask
     count = len(cells)
     gain = np.asarray(worth + np.bincount(cells.of_voxel.ravel(), belief.inside.ravel(), count),
                       np.float64)
-    one, two, cost = _faces(cells, belief)
+    one, two, cost = _faces(cells, belief.surface)
     ties = coo_matrix((np.r_[cost, cost], (np.r_[one, two], np.r_[two, one])), (count, count))
     return _cut(gain, ties.tocsr())
 
 
-def _faces(cells: Cells, belief: Belief) -> tuple[I64, I64, F64]:
-    """Return the pairs of neighbouring voxels in two cells: both cells, and the face's cost.
-
-    A surface that photos saw pays for faces that look about as it does, not for the sides of steps
-    in it.
-    """
+def _faces(cells: Cells, surface: F32) -> tuple[I64, I64, F64]:
+    """Return the pairs of neighbouring voxels in two cells: both cells, and the face's cost."""
     one, two, cost = [], [], []
-    slopes = np.abs(np.stack(np.gradient(gaussian_filter(belief.inside, SMOOTH))))
-    slopes /= np.maximum(np.linalg.norm(slopes, axis=0), 1e-9)
     for axis in range(3):
         low, high = [slice(None)] * 3, [slice(None)] * 3
         low[axis], high[axis] = slice(None, -1), slice(1, None)
         a, b = cells.of_voxel[tuple(low)], cells.of_voxel[tuple(high)]
         border = a != b
-        told = belief.surface * np.minimum(ALIKE * slopes[axis], 1.0)
-        seen = np.maximum(told[tuple(low)][border], told[tuple(high)][border])
+        seen = np.maximum(surface[tuple(low)][border], surface[tuple(high)][border])
         one.append(a[border])
         two.append(b[border])
         cost.append(INVENTED * (1.0 - seen) + SEEN_FACE)

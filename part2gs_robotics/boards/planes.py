@@ -14,7 +14,7 @@ import numpy as np
 
 from part2gs_robotics.boards.facets import Facets, half_sphere, middle_of, settled
 from part2gs_robotics.boards.tilts import tilts
-from part2gs_robotics.model.arrays import F64, Mask
+from part2gs_robotics.model.arrays import F64
 
 FACING = np.cos(np.deg2rad(25.0))  # smoothed normals of a wall against its direction
 CLUSTER = np.cos(np.deg2rad(15.0))  # normals that speak for one direction
@@ -28,8 +28,6 @@ APART = np.cos(np.deg2rad(2.0))  # a tilt that is none: the error of a wall's no
 MOST_TILTS = 8  # two for each side of a hopper
 LEAST = 7e-4  # of the surface: the side of a board is a hundredth of its front
 WINDOW = 2.0  # cells: noise of a wall seen from one side, both ways
-TOLD = 0.5  # of a plane's area: most of it
-CARRIED = 6.0  # cells: twice the deviation of fitted depth where photos have one colour
 RAGGED = 4.0  # cells: rims that masks and labels eat into
 SPACING = 1.0  # cells between planes: nearer ones bound cells that no voxel stands for
 MOST_PLANES = 30  # per direction and sign
@@ -43,27 +41,19 @@ class Family:
     offsets: F64
 
 
-@dataclass(frozen=True)
-class Seen:
-    """What photos say about faces: [F] shares 0..1 that they saw, and whose depth they tell."""
-
-    observed: F64
-    trusted: F64
-
-
-def families(surface: Facets, flux: F64, seen: Seen, edges: F64, voxel: float,
+def families(surface: Facets, flux: F64, observed: F64, edges: F64, voxel: float,
              ) -> tuple[Family, ...]:
     """Return families of planes that may bound a part.
 
     Args:
         surface: all faces with smoothed normals.
         flux: [F, 3] areas times the faces' own normals.
-        seen: what photos say about every face.
+        observed: [F] share 0..1 of every face that photos saw.
         edges: [E, 3] unit directions of straight edges.
         voxel: of the grid that the surface came from.
     """
-    normals, found = _directions(surface, seen.observed, edges), []
-    normals += _tilted(normals, surface, seen.observed, voxel)
+    normals, found = _directions(surface, observed, edges), []
+    normals += _tilted(normals, surface, observed, voxel)
     if not normals:
         return ()
     facing = np.abs(surface.normals @ np.array(normals).T)
@@ -73,7 +63,7 @@ def families(surface: Facets, flux: F64, seen: Seen, edges: F64, voxel: float,
         mine = ~np.isin(own, rivals)
         part = Facets(surface.centers[mine], surface.normals[mine], surface.areas[mine])
         least = LEAST * float(surface.areas.sum())
-        offsets = _offsets(normal, part, (flux[mine], seen.trusted[mine]), least, voxel)
+        offsets = _offsets(normal, part, flux[mine], least, voxel)
         if len(offsets):
             found.append(Family(normal, offsets))
     return tuple(found)
@@ -164,60 +154,21 @@ def _flat(direction: F64, surface: Facets) -> bool:
     return bool(np.sort(bins)[-4:].sum() > FLAT * areas.sum())
 
 
-def _offsets(normal: F64, surface: Facets, weights: tuple[F64, F64], least: float,
-             voxel: float) -> F64:
-    """Return the offsets of a family's planes, increasing; each holds some area at least.
-
-    Args:
-        normal: of the family.
-        surface: faces that may lie in its planes.
-        weights: [F, 3] flux of the faces, [F] trust in their depth.
-        least: area that a plane must hold.
-        voxel: scene units.
-    """
-    levels, (flux, trusted) = surface.centers @ normal, weights
+def _offsets(normal: F64, surface: Facets, flux: F64, least: float, voxel: float) -> F64:
+    """Return the offsets of a family's planes, increasing; each holds some area at least."""
+    levels = surface.centers @ normal
     found: list[tuple[float, float]] = []  # weight, offset
     for sign in (1.0, -1.0):
         facing = sign * (surface.normals @ normal) > FACING
-        near = (levels[facing], surface.areas[facing], trusted[facing])
-        peaks = _found(levels, facing, surface.areas, sign * (flux @ normal), (least, voxel))
-        told = [_told(offset, near, WINDOW * voxel) for _, offset in peaks]
-        own = [peak for peak, sure in zip(peaks, told, strict=True) if sure]
-        carried = [peak for peak, sure in zip(peaks, told, strict=True) if not sure]
-        # What fits only carry over from edges is no second plane near what photos tell.
-        own += _thinned(sorted(carried, reverse=True), own, CARRIED * voxel)
-        found += own
+        smooth = _peaks(levels[facing], surface.areas[facing], WINDOW * voxel, least)
+        ragged = _peaks(levels, sign * (flux @ normal), RAGGED * voxel, least)
+        found += smooth + [r for r in ragged
+                           if all(abs(r[1] - s[1]) > WINDOW * voxel for s in smooth)]
     kept: list[float] = []
     for _, offset in sorted(found, reverse=True):
         if all(abs(offset - other) > SPACING * voxel for other in kept):
             kept.append(offset)
     return np.sort(np.array(kept))
-
-
-def _found(levels: F64, facing: Mask, areas: F64, along: F64,
-           limits: tuple[float, float]) -> list[tuple[float, float]]:
-    """Return weight and offset of planes where smooth faces lie, and of ragged ones beside."""
-    least, voxel = limits
-    smooth = _peaks(levels[facing], areas[facing], WINDOW * voxel, least)
-    ragged = _peaks(levels, along, RAGGED * voxel, least)
-    return smooth + [r for r in ragged if all(abs(r[1] - s[1]) > WINDOW * voxel for s in smooth)]
-
-
-def _told(offset: float, near: tuple[F64, F64, F64], width: float) -> bool:
-    """Return whether photos tell of a plane: of most of the area in it, or nothing faces so."""
-    levels, areas, trusted = near
-    own = np.abs(levels - offset) < 0.5 * width
-    return bool(trusted[own] @ areas[own] >= TOLD * areas[own].sum())
-
-
-def _thinned(peaks: list[tuple[float, float]], others: list[tuple[float, float]],
-             apart: float) -> list[tuple[float, float]]:
-    """Return the peaks that are so far from others, and from heavier ones among them."""
-    kept: list[tuple[float, float]] = []
-    for peak in peaks:
-        if all(abs(peak[1] - other[1]) > apart for other in (*others, *kept)):
-            kept.append(peak)
-    return kept
 
 
 def _peaks(levels: F64, areas: F64, width: float, least: float) -> list[tuple[float, float]]:

@@ -133,7 +133,7 @@ def _cuts(piece: Manifold, directions: F64, tolerance: float) -> list[Cut]:
     vertices, faces = _arrays(piece)
     lift = LIFT * tolerance
     planes = concave_planes(vertices, faces, 0.25 * tolerance)
-    sharp = [Cut(normal, float(level) + lift, float(level) + lift, 0.0)
+    sharp = [Cut(normal, float(level) + lift, 0.0)
              for normal, level in zip(planes.normals, planes.levels, strict=True)]
     return sharp + wall_cuts(facets(vertices, faces), directions, tolerance)
 
@@ -142,7 +142,7 @@ def split(piece: Manifold, cut: Cut, tolerance: float, smallest: float) -> list[
     """Return the connected pieces on both sides of a cut, crumbs and films dropped."""
     normal = cut.normal.tolist()
     opposite = (-cut.normal).tolist()
-    sides = (piece.trim_by_plane(opposite, -cut.low), piece.trim_by_plane(normal, cut.high))
+    sides = (piece.trim_by_plane(opposite, -cut.level), piece.trim_by_plane(normal, cut.level))
     if any(side.volume() < smallest for side in sides):
         return []
     parts = [p for side in sides for p in side.decompose()]

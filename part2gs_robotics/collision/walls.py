@@ -13,20 +13,20 @@ SAME_DIRECTION = np.cos(np.deg2rad(20.0))  # noisy walls: normals spread by 10..
 MAX_DIRECTIONS = 6  # twice those of a box, largest first
 DIRECTION_SHARE = 0.03  # of the surface: smaller facets are no wall
 WALL_SHARE = 0.02  # of the surface
+LIFT = 2e-7  # of the tolerance, that a cut lies above a clean wall: what just touches leaves films
 MAX_CUTS = 12  # candidates per piece, largest walls first; 24 found no better pieces in trials
 
 
 @dataclass(frozen=True)
 class Cut:
-    """A plane with a gap: keep normal.x <= low on one side, >= high on the other.
+    """A plane normal.x = level; a wall's lies half-way up its bumps, so neither side drags a film.
 
-    The gap lies in the air beside a wall: bumps of the wall end at `low` or `high` and the other
-    side starts clear of them, so that neither side drags a film of the other along.
+    Attributes:
+        normal: unit.  level: scene units.  area: of the wall, units^2.
     """
 
     normal: F64
-    low: float
-    high: float
+    level: float
     area: float
 
 
@@ -121,9 +121,8 @@ def _walls(
             break
         level = weighted_quantile(offsets[near], areas[near], 0.5)
         spread = weighted_quantile(np.abs(offsets[near] - level), areas[near], 0.9)
-        gap = float(np.clip(1.5 * spread, 0.02 * tol, tol))
-        low, high = (level, level + gap) if sign > 0 else (level - gap, level)
-        cuts.append(Cut(direction, low, high, area))
+        gap = float(np.clip(1.5 * spread, LIFT * tol, tol))
+        cuts.append(Cut(direction, level + 0.5 * sign * gap, area))
         areas[near] = 0.0
     return cuts
 
@@ -142,9 +141,7 @@ def _peak(offsets: F64, areas: F64, width: float) -> float:
 def _thirds(direction: F64, offsets: F64) -> list[Cut]:
     """Return plain cuts for curved pieces; area 0 ranks them behind every wall."""
     low, high = float(offsets.min()), float(offsets.max())
-    inset = 1e-6 * (high - low)  # sides that touch leave films behind
-    places = [low + share * (high - low) for share in (0.25, 0.5, 0.75)]
-    return [Cut(direction, p - inset, p + inset, 0.0) for p in places]
+    return [Cut(direction, low + share * (high - low), 0.0) for share in (0.25, 0.5, 0.75)]
 
 
 def weighted_quantile(values: F64, weights: F64, share: float) -> float:

@@ -27,7 +27,6 @@ from part2gs_robotics.volume.fuse import Fused
 from part2gs_robotics.volume.part_maps import PartMaps
 from part2gs_robotics.volume.part_solids import DEEP_SHARE
 from part2gs_robotics.volume.place import Place
-from part2gs_robotics.volume.trust import trust
 
 if TYPE_CHECKING:
     from manifold3d import Manifold
@@ -74,7 +73,7 @@ def board_surfaces(place: Place, evidence: Sequence[Fused], wholes: Sequence[Sol
     Raises:
         MeshError: a part has no closed surface.
     """
-    boards, smooth = _cut_out(place, evidence, wholes, maps, edges)
+    boards, smooth = _cut_out(place, evidence, wholes, edges)
     worth = [np.zeros(len(board.cells)) for board in boards]
     for _ in range(FILLINGS):
         more = unstopped(boards, place, maps)
@@ -115,8 +114,7 @@ def _closed(board: BoardSolid, smooth: Manifold, part: int) -> Manifold:
 
 
 def _cut_out(place: Place, evidence: Sequence[Fused], wholes: Sequence[Solid],
-             maps: Sequence[PartMaps], edges: Sequence[F64],
-             ) -> tuple[list[BoardSolid], list[tuple[Manifold, F32]]]:
+             edges: Sequence[F64]) -> tuple[list[BoardSolid], list[tuple[Manifold, F32]]]:
     """Return solids of flat faces of all parts, none where another comes by.
 
     With each, the noisy surface of the same part and the values of its grid.
@@ -133,11 +131,7 @@ def _cut_out(place: Place, evidence: Sequence[Fused], wholes: Sequence[Solid],
             solid = replace(solid, values=away)
         noisy = closed_surface(solid, f"part {k}", 1.0)
         smooth[k] = noisy, solid.values
-        vertices, faces = arrays(noisy)
-        poses = np.eye(4), place.state1_from_0[k]
-        told = trust(vertices[faces].mean(1), k, tuple(zip(maps, poses, strict=True)),
-                     solid.grid.voxel)
-        board = board_solid(belief, vertices, faces, edges[k], told)
+        board = board_solid(belief, *arrays(noisy), edges[k])
         bodies[k] = solid if board.curved else Solid(board.cells.grid, board.values)
         if board.curved:
             logger.info("part %d: %.0f %% of it lies in planes; its smooth surface is taken", k,

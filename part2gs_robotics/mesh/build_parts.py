@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -20,6 +21,7 @@ from part2gs_robotics.model.motion import Motion
 from part2gs_robotics.model.scene import Scene
 from part2gs_robotics.model.se3 import apply, inverse
 from part2gs_robotics.model.twin import Part, PartMesh
+from part2gs_robotics.runtime.side_by_side import side_by_side
 from part2gs_robotics.volume.grid_solids import (
     MARGIN,
     apart_solids,
@@ -81,8 +83,9 @@ def build_parts(scene: Scene, gaussians: tuple[Gaussians, Gaussians], motion: Mo
         surfaces = [closed_surface(s, part_name(k), config.clearance_voxels)
                     for k, s in enumerate(solids)]
     surfaces = _apart(surfaces, place, grid.voxel)
-    return tuple(_part(k, surfaces[k], place, maps, grid.voxel, motion, config.convex)
-                 for k in range(place.count))
+    finish = [partial(_part, k, surface, place, maps, grid.voxel, motion, config.convex)
+              for k, surface in enumerate(surfaces)]
+    return tuple(side_by_side(finish))
 
 
 def part_name(part: int) -> str:

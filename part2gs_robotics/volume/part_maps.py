@@ -10,11 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from part2gs_robotics.evidence.depth_maps import SOLID_ALPHA, DepthMaps
-from part2gs_robotics.model.arrays import F32, Mask
+from part2gs_robotics.model.arrays import F32
 from part2gs_robotics.model.gaussians import Gaussians
 from part2gs_robotics.model.scene import StateViews
 from part2gs_robotics.runtime.jit import inlined, parallel_kernel
-from part2gs_robotics.volume.textured import textured
 
 NO_PART = 255  # label of a pixel without a part
 
@@ -26,12 +25,10 @@ class PartMaps:
     Attributes:
         maps: first-surface depth.
         labels: [V, H, W] uint8 part index of the first surface, NO_PART where there is none.
-        sure: [V, H, W] where photos tell depth, see `textured`.
     """
 
     maps: DepthMaps
     labels: NDArray[np.uint8]
-    sure: Mask
 
     @cached_property
     def facing(self) -> F32:
@@ -64,8 +61,8 @@ def render_part_maps(gaussians: Gaussians, part_probs: F32, state: StateViews) -
         depth = seen.median_depth if state.depths is None else state.depths[v]
         depths[row] = np.where(solid, depth, 0.0)
         labels[row] = np.where(solid & (depth > 0), seen.extra.argmax(-1), NO_PART)
-    sure, Ks = textured(state)[used], state.Ks[used]
-    return PartMaps(DepthMaps(depths, state.alphas[used], Ks, state.viewmats[used]), labels, sure)
+    return PartMaps(DepthMaps(depths, state.alphas[used], state.Ks[used], state.viewmats[used]),
+                    labels)
 
 
 @inlined

@@ -47,10 +47,8 @@ def surface_of(distance: F64) -> tuple[F64, I64]:
     return vertices, faces if volume > 0 else faces[:, ::-1]
 
 
-def solid_of(distance: F64, trusted: float = 1.0) -> BoardSolid:
-    vertices, faces = surface_of(distance)
-    return board_solid(belief_of(distance), vertices, faces, AXES,
-                       np.full(len(faces), trusted))
+def solid_of(distance: F64) -> BoardSolid:
+    return board_solid(belief_of(distance), *surface_of(distance), AXES)
 
 
 def volume(solid: BoardSolid) -> float:
@@ -177,22 +175,3 @@ def test_boxes_cover_a_mask_and_do_not_overlap() -> None:
         count[tuple(slice(a, b) for a, b in zip(box.low, box.high, strict=True))] += 1
     assert count.max() == 1
     assert (count[:13, :17, :9][where] == 1).all()
-
-
-@pytest.mark.parametrize(("trusted", "levels"), [(0.0, 1), (1.0, 2)])
-def test_a_step_in_a_room_is_kept_where_photos_tell_depth(trusted: float, levels: int) -> None:
-    """The floor of an open box, half of it four cells higher: a step, or a bulge of fitted depth.
-
-    Masks do not bound the floor, so that only the photos' texture tells which it is.
-    """
-    half = np.array([0.4, 0.4, 0.4])
-    step = 4 * VOXEL
-    room = box_distance(np.array([0.3, 0.3, 0.3]), np.array([0.0, 0.0, 0.1]))
-    left = (points()[..., 0] < 0) & (points()[..., 2] < -0.2 + step)
-    distance = np.minimum(box_distance(half), -room)
-    raised = np.where(left, np.minimum(step, box_distance(half)), distance)
-    found = solid_of(np.asarray(raised, np.float64), trusted)
-    vertices = np.asarray(found.whole.to_mesh64().vert_properties)[:, :3]
-    inner = vertices[(np.abs(vertices[:, :2]) < 0.35).all(1) & (vertices[:, 2] < 0.0)]
-    heights = np.unique(np.round(inner[:, 2] / (2 * VOXEL)))
-    assert len(heights) == levels

@@ -24,7 +24,7 @@ def part_maps(boxes) -> PartMaps:
     K = np.array([[FOCAL, 0, SIZE / 2], [0, FOCAL, SIZE / 2], [0, 0, 1.0]])
     maps = DepthMaps(np.where(seen, depth, 0).astype(np.float32), seen.astype(np.float32),
                      np.repeat(K[None], VIEWS, 0), viewmats)
-    return PartMaps(maps, np.where(seen, names[every.argmin(1)], NO_PART).astype(np.uint8), seen)
+    return PartMaps(maps, np.where(seen, names[every.argmin(1)], NO_PART).astype(np.uint8))
 
 
 def box_distance(grid: Grid, lo, hi) -> np.ndarray:
