@@ -11,7 +11,7 @@ import numpy as np
 from part2gs_robotics.collision.joined import hull, joined
 from part2gs_robotics.mesh.surface import arrays, flaw, vertices_apart
 from part2gs_robotics.model.arrays import F64
-from part2gs_robotics.model.kinematics import chain, sweep
+from part2gs_robotics.model.kinematics import chain, ways
 from part2gs_robotics.model.se3 import apply, inverse, inverses
 from part2gs_robotics.model.solids import corners_of, hull_of
 from part2gs_robotics.volume.place import Place
@@ -22,7 +22,6 @@ if TYPE_CHECKING:
 logger = logging.getLogger(__name__)
 ARC = 8.0  # cells a corner moves between two poses: the arc bulges by 0.1 beyond its chord at most
 GAP = 0.15  # cells kept free round what passes: the bulge, and what touches does not overlap
-JUMP = 2.0  # steps: poses farther apart begin another way
 FINE = 1e-3  # cells: what a cut leaves behind is tidied by so much
 EXACT = 1e-4  # of a common hull may be empty: rounding
 LOOSE = 0.01  # of the volume: what a cut leaves hanging in the air, smaller than that, is dropped
@@ -155,18 +154,13 @@ def _strides(part: int, carrier: int, points: F64, place: Place, voxel: float) -
     ends = np.array([points.min(0), points.max(0)])
     pick = np.array([[i, j, k] for i in (0, 1) for j in (0, 1) for k in (0, 1)])
     corners = np.where(pick, ends[1], ends[0])
-    poses = np.asarray(inverses(sweep(part, carrier, place.joints, place.parents, corners,
-                                      ARC * voxel)))
-    way = np.stack([apply(pose, corners) for pose in poses])
-    steps = np.linalg.norm(np.diff(way, axis=0), axis=2).max(1)
-    breaks = np.flatnonzero(steps >= JUMP * ARC * voxel) + 1
-    turned = np.abs(poses[:, :3, :3] - poses[0, :3, :3]).max() > 0
     out: list[F64] = []
-    for run in np.split(poses, breaks):
-        if not turned:  # a slide sweeps the hull of its two ends
-            out.append(run[[0, -1]])
-        else:
-            out += [run[[i, i + 1]] for i in range(len(run) - 1)]
+    for way in ways(part, carrier, place.joints, place.parents, corners, ARC * voxel):
+        poses = np.asarray(inverses(way))
+        if np.abs(poses[:, :3, :3] - poses[0, :3, :3]).max() > 0:
+            out += [poses[[i, i + 1]] for i in range(len(poses) - 1)]
+        else:  # a slide sweeps the hull of its two ends
+            out.append(poses[[0, -1]])
     return out
 
 

@@ -90,7 +90,13 @@ def ancestors(part: int, parents: Sequence[int]) -> list[int]:
 
 def sweep(part: int, carrier: int, joints: Sequence[Joint], parents: Sequence[int],
           corners: F64, step: float) -> F64:
-    """Return [P, 4, 4] part_from_carrier: a point of the carrier's frame in the moving part's.
+    """Return the poses of all `ways`, one after the other: [P, 4, 4] part_from_carrier."""
+    return np.concatenate(ways(part, carrier, joints, parents, corners, step))
+
+
+def ways(part: int, carrier: int, joints: Sequence[Joint], parents: Sequence[int],
+         corners: F64, step: float) -> list[F64]:
+    """Return ways [P, 4, 4] part_from_carrier: a point of the carrier's frame in the moving part's.
 
     Every joint of either chain runs through its range with the others at state 0 and at state 1,
     and all of them together from state 0 to state 1.
@@ -120,7 +126,7 @@ def sweep(part: int, carrier: int, joints: Sequence[Joint], parents: Sequence[in
                               @ chains(carrier, joints, parents, q))
 
         poses.append(relative(_pose_count(relative, corners, step)))
-    return np.concatenate(poses)
+    return poses
 
 
 def _pose_count(relative: Callable[[int], F64], corners: F64, step: float) -> int:

@@ -40,3 +40,19 @@ def test_what_is_not_in_the_way_stays_as_it_is() -> None:
     base, slide = box((-1, -1, -1), (1, 1, -0.5)), box((-0.2, -0.2, -0.2), (0.2, 0.2, 0.2))
     cut, _ = all_apart([base, slide], [[base], [slide]], world(), VOXEL)
     assert cut is base
+
+
+@pytest.mark.parametrize("shift", [0.03, 0.2])
+def test_two_slides_side_by_side_are_apart_wherever_both_stand(shift: float) -> None:
+    """A lump of the one hangs into the way of the other; their ends may lie near to each other."""
+    joints = tuple(Joint("prismatic", np.array([1.0, 0, 0]), np.zeros(3), value)
+                   for value in (0.5, 0.5 - shift))
+    place = SimpleNamespace(count=3, joints=joints, parents=(0, 0))
+    base = box((-1, -1, -2), (1, 1, -1.5))
+    bodies = [box((-0.3, -0.3, 0.0), (0.3, 0.3, 0.2)), box((0.2, -0.3, -0.05), (0.3, -0.2, 0.1))]
+    lower = box((-0.3, -0.3, -0.2), (0.3, 0.3, -0.01))
+    pieces, upper = [[base], bodies, [lower]], bodies[0] + bodies[1]
+    _, one, two = all_apart([base, upper, lower], pieces, place, VOXEL)
+    for q in np.linspace(0, 0.5, 7):
+        for r in np.linspace(0, 0.5 - shift, 7):
+            assert (one.translate([q, 0, 0]) ^ two.translate([r, 0, 0])).volume() < 1e-12
