@@ -14,6 +14,7 @@ from part2gs_robotics.exporters.mjcf import joint_name
 from part2gs_robotics.exporters.xmlio import add, numbers, write_xml
 from part2gs_robotics.model.arrays import F64
 from part2gs_robotics.model.kinematics import moves
+from part2gs_robotics.model.solids import Box, box_of
 from part2gs_robotics.model.twin import Part, Twin
 
 WORLD = "world"  # the name that Gazebo, Drake and MuJoCo take for what never moves
@@ -80,8 +81,12 @@ def _link(root: ET.Element, part: Part, props: MassProperties, origin: F64) -> N
     )
     visual = _shape(link, "visual", f"{part.name}_visual", visual_name(part), origin)
     add(visual, "material", name=f"{part.name}_color")
-    for k in range(len(part.pieces)):
-        _shape(link, "collision", f"{part.name}_piece_{k:02d}", piece_name(part, k), origin)
+    for k, piece in enumerate(part.pieces):
+        name, box = f"{part.name}_piece_{k:02d}", box_of(piece)
+        if box is None:
+            _shape(link, "collision", name, piece_name(part, k), origin)
+        else:
+            _box(link, name, box, origin)
 
 
 def _shape(link: ET.Element, tag: str, name: str, file: str, origin: F64) -> ET.Element:
@@ -89,6 +94,22 @@ def _shape(link: ET.Element, tag: str, name: str, file: str, origin: F64) -> ET.
     add(shape, "origin", xyz=-origin, rpy="0 0 0")
     add(add(shape, "geometry"), "mesh", filename=file)
     return shape
+
+
+def _box(link: ET.Element, name: str, box: Box, origin: F64) -> None:
+    """Add a piece that is a box; engines with margins put none round it."""
+    shape = add(link, "collision", name=name)
+    add(shape, "origin", xyz=box.middle - origin, rpy=_rpy(box.rotation))
+    add(add(shape, "geometry"), "box", size=2 * box.half)
+
+
+def _rpy(rotation: F64) -> tuple[float, float, float]:
+    """Return roll, pitch and yaw: turns about fixed x, y, z, one after the other."""
+    pitch = float(np.arcsin(np.clip(-rotation[2, 0], -1.0, 1.0)))
+    if abs(rotation[2, 0]) > 1 - 1e-12:  # straight up or down: roll and yaw are one
+        return 0.0, pitch, float(np.arctan2(-rotation[0, 1], rotation[1, 1]))
+    roll = float(np.arctan2(rotation[2, 1], rotation[2, 2]))
+    return roll, pitch, float(np.arctan2(rotation[1, 0], rotation[0, 0]))
 
 
 def _joint(root: ET.Element, twin: Twin, index: int, physics: Physics) -> None:

@@ -124,12 +124,9 @@ def body_solid(meshes: list[PartMesh]) -> Manifold | None:
 
 
 def collision_pieces(model: mujoco.MjModel, body: int) -> list[PartMesh]:
-    """Return the meshes a body collides with, in its own frame; the engine takes their hulls."""
-    import mujoco
-
+    """Return the shapes a body collides with, in its own frame; the engine takes their hulls."""
     meets = (model.geom_contype != 0) | (model.geom_conaffinity != 0)
-    mesh = model.geom_type == int(mujoco.mjtGeom.mjGEOM_MESH)
-    chosen = np.flatnonzero((model.geom_bodyid == body) & meets & mesh)
+    chosen = np.flatnonzero((model.geom_bodyid == body) & meets)
     return [p for g in chosen if (p := _placed_geom(model, int(g))) is not None]
 
 

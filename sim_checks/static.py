@@ -11,7 +11,7 @@ from part2gs_robotics.sim_checks.interpenetration import LIMIT, Poser, deepest_o
 from part2gs_robotics.sim_checks.result import CheckResult, Status, passed, row
 from part2gs_robotics.sim_checks.subject import Subject
 
-COVERED = 0.5  # of a part: gaps to neighbours take a tenth of boards; half a part collides like none
+COVERED = 0.5  # of a part: gaps to neighbours take a tenth of boards; half collides like none
 TRIANGLE = 1e-6  # relative slack of A + B >= C: the engine's own rounding
 STATES = ("state_0", "state_1")
 

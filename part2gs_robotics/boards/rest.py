@@ -19,7 +19,8 @@ if TYPE_CHECKING:
 DEEP = 1.5  # voxels from flat faces: nearer is the noise of fitted depths
 FEWEST = 12.0  # faces of voxels that rays want stopped in one place: fewer are a ragged rim
 AROUND = 2  # voxels about them: as far as the flat faces are wrong, and their noise
-AROUND_SIDE = 2 * AROUND + 1  # voxels of the cube about one in which rays ask for a whole face
+AROUND_SIDE = 2 * AROUND + 1  # voxels of the cube about one in which rays may ask for a surface
+ASKED = 0.1  # faces of voxels that rays ask for in it: the tail of a single ray's share
 BLOCK = 4  # voxels: what is replaced is made of such blocks
 OVERLAP = 0.02  # voxels that both reach into each other: what just touches does not join
 
@@ -78,7 +79,7 @@ def contradicted(belief: Belief, filled: Mask, fine: Mask, missed: F64) -> Mask:
         fine: [X, Y, Z] the smooth solid.
         missed: [X, Y, Z] see `with_rest`.
     """
-    asked = AROUND_SIDE**3 * uniform_filter(missed, AROUND_SIDE, mode="constant") >= 1.0
+    asked = AROUND_SIDE**3 * uniform_filter(missed, AROUND_SIDE, mode="constant") >= ASKED
     wrong = np.where(filled, belief.outside, fine & asked)
     depth = distance_transform_edt(filled) + distance_transform_edt(~filled)
     wrong &= depth > DEEP

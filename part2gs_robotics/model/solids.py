@@ -15,6 +15,7 @@ from part2gs_robotics.model.twin import PartMesh
 
 GREY = (160, 160, 160)  # colour of faces nobody observed
 SPRINKLED = 20_000  # points on a surface: 0.7 % of a cube's side apart
+ROUND = 1e-6  # of a piece: corners and normals so near are the same, a file has ten digits
 KEPT = 0.5  # of its volume a simpler copy must keep; the parts of twenty twins keep 0.96 at least
 
 
@@ -238,3 +239,53 @@ def _farthest(points: F64, surface: F64) -> float:
     tree = cKDTree(surface)
     spacing = float(tree.query(surface, k=2)[0][:, 1].max())
     return max(float(tree.query(points)[0].max()) - spacing, 0.0)
+
+
+@dataclass(frozen=True)
+class Box:
+    """A rectangular box in the frame of its part: engines collide it faster and exactly.
+
+    Attributes:
+        middle: [3] scene units.  half: [3] half of its sides, scene units.
+        rotation: [3, 3] part_from_box, its columns the directions of the sides.
+    """
+
+    middle: F64
+    half: F64
+    rotation: F64
+
+
+def box_of(piece: PartMesh) -> Box | None:
+    """Return the box that a convex piece is, None if it is none."""
+    axes = _directions(piece)
+    if axes is None:
+        return None
+    along = piece.vertices @ axes
+    low, high = along.min(0), along.max(0)
+    half, size = 0.5 * (high - low), float(np.linalg.norm(high - low))
+    at_corner = np.minimum(np.abs(along - low), np.abs(along - high)) < ROUND * size
+    if not at_corner.all() or (half < ROUND * size).any():
+        return None
+    return Box(axes @ (0.5 * (low + high)), half, axes)
+
+
+def _directions(piece: PartMesh) -> F64 | None:
+    """Return [3, 3] columns, right-handed, along which all faces look, None if there are none."""
+    tri = piece.vertices[piece.faces]
+    cross = np.cross(tri[:, 1] - tri[:, 0], tri[:, 2] - tri[:, 0])
+    area = np.linalg.norm(cross, axis=1)
+    normals = cross[area > ROUND * area.max()] / area[area > ROUND * area.max(), None]
+    found: list[F64] = []
+    for normal in normals:
+        along = np.abs(np.array(found).reshape(-1, 3) @ normal)
+        if (along > 1 - ROUND).any():
+            continue
+        if len(found) == 3 or (along > ROUND).any():
+            return None
+        found.append(normal)
+    if len(found) != 3:
+        return None
+    order = sorted(found, key=lambda n: int(np.abs(n).argmax()))
+    axes = np.stack([n * np.sign(n[np.abs(n).argmax()]) for n in order], 1)
+    axes[:, 2] *= np.sign(np.linalg.det(axes))
+    return axes
