@@ -7,23 +7,18 @@ too much, one of them closes an opening that the other passes: it is cut up arou
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from part2gs_robotics.collision.few_corners import few_cornered
 from part2gs_robotics.mesh.cut_pieces import Piece, piece_of
-from part2gs_robotics.mesh.free_range import observed_only
 from part2gs_robotics.model.arrays import F64
 from part2gs_robotics.model.kinematics import moving_parts, part_transforms, subtree
 from part2gs_robotics.model.se3 import inverse
 from part2gs_robotics.model.solids import hull_of, simpler, size_of, to_manifold, to_mesh
-from part2gs_robotics.model.twin import PartMesh, Twin
-
-if TYPE_CHECKING:
-    pass
+from part2gs_robotics.model.twin import Part, PartMesh, Twin
 
 GAP = 2e-3  # of the size: engines that collide with a margin still see a gap
 LEAST_GAP = 2.2e-3  # metres: Bullet puts 1 mm round every piece, and rounds
@@ -35,6 +30,26 @@ SPARE = 0.03  # of its volume a part may lose in one cut; more is a real crossin
 CRUMB = 1e-7  # of the size cubed
 REPEATS = 3  # per short motion, while pieces are cut up: a wall has few openings
 MOST_PIECES = 300  # of the twin; one of four doors and drawers has about 110
+
+
+@dataclass(frozen=True)
+class _Way:
+    """A short motion: the part whose joint moves, its two values, what moves, and both poses."""
+
+    index: int
+    way: tuple[float, float]
+    moved: frozenset[int]
+    start: list[F64]
+    end: list[F64]
+
+
+@dataclass(frozen=True)
+class _Stuck:
+    """A pair of parts whose pieces cannot be parted while a joint moves between two values."""
+
+    pair: tuple[int, int]
+    index: int
+    way: tuple[float, float]
 
 
 def gap_share(twin: Twin, share: float, metres: float) -> float:
@@ -62,8 +77,8 @@ def _pieces(twin: Twin, size: float) -> list[Piece]:
 def with_apart_pieces(twin: Twin, share: float = GAP) -> Twin:
     """Return the twin with collision pieces apart on the whole range of every joint, if they can.
 
-    Where pieces of two parts overlap too deep to be cut back, the joints of both keep to the
-    observed range.
+    Where pieces of two parts overlap too deep to be cut back, beyond what was observed, the range
+    of the joint that moves them ends there.
 
     Args:
         twin: with convex pieces.
@@ -71,13 +86,25 @@ def with_apart_pieces(twin: Twin, share: float = GAP) -> Twin:
     """
     gap = share * size_of(tuple(p.mesh for p in twin.parts))
     apart, stuck = _separated(twin, gap)
-    short = {index for pair in stuck for index in pair}
-    if not any(part.limits_source == "derived" for i, part in enumerate(twin.parts) if i in short):
+    parts = [_short_of(part, [one for one in stuck if one.index == i])
+             for i, part in enumerate(twin.parts)]
+    short = [new.name for new, old in zip(parts, twin.parts, strict=True)
+             if new.limits != old.limits]
+    if not short:
         return apart
-    parts = [observed_only(part) if i in short else part for i, part in enumerate(twin.parts)]
-    names = ", ".join(sorted(twin.parts[i].name for i in short))
-    note = f"range kept to what was observed, since collision pieces would overlap: {names}"
+    note = f"range ends where collision pieces would overlap: {', '.join(sorted(short))}"
     return separate_pieces(replace(twin, parts=tuple(parts), notes=(*twin.notes, note)), gap=gap)
+
+
+def _short_of(part: Part, stuck: list[_Stuck]) -> Part:
+    """Return a part whose derived range ends where it would be stuck, outside of what was seen."""
+    if part.limits_source != "derived" or part.joint is None:
+        return part
+    low, high = min(0.0, part.joint.value), max(0.0, part.joint.value)
+    below = [min(low, max(one.way)) for one in stuck if min(one.way) < low]
+    above = [max(high, min(one.way)) for one in stuck if max(one.way) > high]
+    limits = max([part.limits[0], *below]), min([part.limits[1], *above])
+    return part if limits == part.limits else replace(part, limits=limits)
 
 
 def separate_pieces(twin: Twin, *, gap: float | None = None) -> Twin:
@@ -97,20 +124,20 @@ def separate_pieces(twin: Twin, *, gap: float | None = None) -> Twin:
     return _separated(twin, gap)[0]
 
 
-def _separated(twin: Twin, gap: float | None) -> tuple[Twin, set[tuple[int, int]]]:
-    """Return `separate_pieces`, and the pairs of parts that could not be separated."""
+def _separated(twin: Twin, gap: float | None) -> tuple[Twin, list[_Stuck]]:
+    """Return `separate_pieces`, and where which parts could not be separated."""
     size = size_of(tuple(p.mesh for p in twin.parts))
     distance = GAP * size if gap is None else gap
     pieces = _pieces(twin, size)
     before = sum(float(p.solid.volume()) for p in pieces)
-    stuck = set[tuple[int, int]]()
-    for moved, start, end in _passages(twin):
+    stuck = list[_Stuck]()
+    for one in _passages(twin):
         for _ in range(REPEATS):
             count = len(pieces)
-            now = _separate_at(pieces, moved, start, end, distance)
+            now = _separate_at(pieces, one.moved, one.start, one.end, distance)
             if len(pieces) == count:  # new pieces are asked as well
                 break
-        stuck |= now
+        stuck += [_Stuck(pair, one.index, one.way) for pair in sorted(now)]
     if before <= 0:
         return twin, stuck
     lost = 1 - sum(float(p.solid.volume()) for p in pieces) / before
@@ -118,7 +145,7 @@ def _separated(twin: Twin, gap: float | None) -> tuple[Twin, set[tuple[int, int]
         replace(part, pieces=_finished(pieces, i, part.pieces, CRUMB * size**3))
         for i, part in enumerate(twin.parts)
     )
-    notes = (*twin.notes, *_notes(twin, lost, distance / size, stuck))
+    notes = (*twin.notes, *_notes(twin, lost, distance / size, {one.pair for one in stuck}))
     return replace(twin, parts=parts, notes=notes), stuck
 
 
@@ -145,8 +172,8 @@ def _finished(
     return tuple(kept) or old[:1]
 
 
-def _passages(twin: Twin) -> list[tuple[frozenset[int], list[F64], list[F64]]]:
-    """Return (moved parts, transforms at the start, at the end) of short motions.
+def _passages(twin: Twin) -> list[_Way]:
+    """Return short motions.
 
     Every joint alone in STEPS steps over its range, then every joint around state 1.
     """
@@ -156,9 +183,10 @@ def _passages(twin: Twin) -> list[tuple[frozenset[int], list[F64], list[F64]]]:
     for slot, index in enumerate(moving):
         moved = frozenset(subtree(twin, index))
         for rest in ([0.0] * len(moving), observed):
-            stops = [[*rest[:slot], float(q), *rest[slot + 1 :]] for q in _stops(twin, index)]
-            placed = [part_transforms(twin, stop) for stop in stops]
-            out += [(moved, a, b) for a, b in pairwise(placed)]
+            values = [float(q) for q in _stops(twin, index)]
+            placed = [part_transforms(twin, [*rest[:slot], q, *rest[slot + 1 :]]) for q in values]
+            out += [_Way(index, way, moved, a, b) for way, (a, b)
+                    in zip(pairwise(values), pairwise(placed), strict=True)]
     return out
 
 
@@ -171,7 +199,8 @@ def _value(twin: Twin, index: int) -> float:
 def _stops(twin: Twin, index: int) -> F64:
     """Return joint positions evenly over the range."""
     low, high = twin.parts[index].limits
-    return np.linspace(low, high, STEPS + 1)
+    value = _value(twin, index)  # what was seen is one of them, at either end
+    return np.unique([*np.linspace(low, high, STEPS + 1), 0.0, value])
 
 
 def _separate_at(

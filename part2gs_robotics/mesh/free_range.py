@@ -15,7 +15,7 @@ import numpy as np
 from part2gs_robotics.model.arrays import F64, Mask
 from part2gs_robotics.model.kinematics import moving_parts, part_transforms, subtree
 from part2gs_robotics.model.solids import simpler, size_of, thickness, to_manifold
-from part2gs_robotics.model.twin import Part, Twin
+from part2gs_robotics.model.twin import Twin
 
 if TYPE_CHECKING:
     pass
@@ -54,12 +54,6 @@ def with_free_ranges(twin: Twin) -> Twin:
     for index, found in limits.items():
         parts[index] = replace(parts[index], limits=found, limits_source="derived")
     return replace(twin, parts=tuple(parts))
-
-
-def observed_only(part: Part) -> Part:
-    """Return the part with the range of its joint that both observed states span."""
-    value = part.joint.value if part.joint is not None else 0.0
-    return replace(part, limits=(min(0.0, value), max(0.0, value)), limits_source="measured")
 
 
 @dataclass(frozen=True)

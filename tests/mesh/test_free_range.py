@@ -13,7 +13,6 @@ from part2gs_robotics.mesh.free_range import (
     INSIDE,
     MOST_TURN,
     TURN_BACK,
-    observed_only,
     with_free_ranges,
 )
 from part2gs_robotics.model.joint import Joint
@@ -125,21 +124,26 @@ def test_the_world_frame_does_not_matter():
                                atol=TURN_BACK)
 
 
-def test_pieces_that_cannot_be_parted_keep_both_joints_to_what_was_seen(monkeypatch):
+@pytest.mark.parametrize("extra", [0.0, 0.3])
+def test_a_range_ends_where_pieces_cannot_be_parted(extra):
+    """A block in the door's piece, not in its mesh, meets the wall beyond what was seen."""
     twin = with_free_ranges(door_twin())
+    door = twin.parts[1]
+    value, (_, high) = door.joint.value, door.limits
+    stop = value + extra * (high - value)
     real = clearance._separated
-    monkeypatch.setattr(clearance, "_separated", lambda t, gap: (real(t, gap)[0], {(0, 1)}))
-    kept = clearance.with_apart_pieces(twin)
-    assert kept.parts[1].limits == observed_only(twin.parts[1]).limits
-    assert kept.parts[1].limits_source == "measured"
-    assert any("range kept to what was observed" in note for note in kept.notes)
-    monkeypatch.undo()
+
+    def stuck(t, gap):
+        inside = stop < t.parts[1].limits[1]
+        way = (stop, t.parts[1].limits[1])
+        return real(t, gap)[0], [clearance._Stuck((0, 1), 1, way)] if inside else []
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(clearance, "_separated", stuck)
+        kept = clearance.with_apart_pieces(twin)
+    assert kept.parts[1].limits == (door.limits[0], stop)
+    assert any("range ends where collision pieces would overlap" in note for note in kept.notes)
     assert clearance.with_apart_pieces(twin).parts[1].limits == twin.parts[1].limits
-
-
-def test_a_part_without_a_joint_has_no_range():
-    part = Part("part_1", 0, door_twin().parts[1].mesh, (), None)
-    assert observed_only(part).limits == (0.0, 0.0)
 
 
 def crossing_twin(value):
