@@ -56,3 +56,20 @@ def test_two_slides_side_by_side_are_apart_wherever_both_stand(shift: float) -> 
     for q in np.linspace(0, 0.5, 7):
         for r in np.linspace(0, 0.5 - shift, 7):
             assert (one.translate([q, 0, 0]) ^ two.translate([r, 0, 0])).volume() < 1e-12
+
+
+@pytest.mark.parametrize("order", [(1, 2), (2, 1)])
+def test_of_two_that_move_the_one_yields_that_loses_less(order: tuple[int, int]) -> None:
+    """A large slide with a lump where a small one is: the lump goes, whichever comes first."""
+    joints = tuple(Joint("prismatic", np.array([1.0, 0, 0]), np.zeros(3), 0.5) for _ in order)
+    place = SimpleNamespace(count=3, joints=joints, parents=(0, 0))
+    base, small = box((-1, -1, -2), (1, 1, -1.5)), box((0.0, 0.0, 0.0), (0.1, 0.1, 0.1))
+    bodies = [box((-0.9, -0.9, -0.5), (0.3, 0.9, -0.02)), box((0.0, 0.0, -0.1), (0.1, 0.1, 0.06))]
+    large = bodies[0] + bodies[1]
+    solids, pieces = {0: base, order[0]: large, order[1]: small}, {
+        0: [base], order[0]: bodies, order[1]: [small]}
+    out = all_apart([solids[k] for k in range(3)], [pieces[k] for k in range(3)], place, VOXEL)
+    assert out[order[1]].volume() == pytest.approx(small.volume(), rel=1e-6)
+    assert out[order[0]].volume() < large.volume() - 0.9 * 0.1 * 0.1 * 0.06
+    for q in np.linspace(-0.5, 0.5, 9):
+        assert (out[order[0]] ^ out[order[1]].translate([q, 0, 0])).volume() < 1e-12
