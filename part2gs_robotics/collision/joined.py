@@ -64,8 +64,12 @@ def joined(pieces: list[Hull], most: int, share: float, near: float) -> list[Hul
 
 
 def _commons(left: dict[int, Hull], near: float) -> dict[Pair, Hull]:
-    return {(a, b): _common(left[a], left[b]) for a in left for b in left
-            if a < b and _gap(left[a], left[b]) <= near}
+    """Return the common hulls of all pairs that lie so near to each other."""
+    names = list(left)
+    low, high = (np.array([bound(left[n].corners, 0) for n in names]) for bound in (np.min, np.max))
+    gaps = np.maximum(low[:, None], low[None]) - np.minimum(high[:, None], high[None])
+    pairs = np.argwhere(np.triu(gaps.max(2) <= near, 1))
+    return {(names[a], names[b]): _common(left[names[a]], left[names[b]]) for a, b in pairs}
 
 
 def _added(both: Hull, left: dict[int, Hull], pair: Pair) -> float:
