@@ -65,6 +65,8 @@ def joined(pieces: list[Hull], most: int, share: float, near: float) -> list[Hul
 
 def _commons(left: dict[int, Hull], near: float) -> dict[Pair, Hull]:
     """Return the common hulls of all pairs that lie so near to each other."""
+    if not left:
+        return {}
     names = list(left)
     low, high = (np.array([bound(left[n].corners, 0) for n in names]) for bound in (np.min, np.max))
     gaps = np.maximum(low[:, None], low[None]) - np.minimum(high[:, None], high[None])

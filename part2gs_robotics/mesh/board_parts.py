@@ -84,8 +84,7 @@ def board_surfaces(place: Place, evidence: Sequence[Fused], wholes: Sequence[Sol
               in zip(boards, smooth, missed(boards, place, maps), strict=True)]
     surfaces = [_closed(board, smooth[k][0], k) for k, board in enumerate(boards)]
     voxel = wholes[0].grid.voxel
-    apart = all_apart(surfaces, [board.pieces for board in boards], place,
-                      [board.belief for board in boards])
+    apart = all_apart(surfaces, [board.pieces for board in boards], place, voxel)
     return [_plain(surface, voxel) for surface in apart]
 
 

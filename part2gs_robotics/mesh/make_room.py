@@ -8,13 +8,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from part2gs_robotics.boards.cut import Belief
 from part2gs_robotics.collision.joined import hull, joined
 from part2gs_robotics.mesh.surface import arrays, flaw, vertices_apart
 from part2gs_robotics.model.arrays import F64
 from part2gs_robotics.model.kinematics import chain, ways
 from part2gs_robotics.model.se3 import apply, inverse, inverses
-from part2gs_robotics.model.solids import corners_of, hull_of, sprinkled
+from part2gs_robotics.model.solids import corners_of, hull_of
 from part2gs_robotics.volume.place import Place
 
 if TYPE_CHECKING:
@@ -31,69 +30,32 @@ GRAZE = 0.015  # the same of one stride: noise of two parts that touch
 
 
 def all_apart(surfaces: Sequence[Manifold], pieces: Sequence[Sequence[Manifold]], place: Place,
-              beliefs: Sequence[Belief]) -> list[Manifold]:
-    """Return parts that yield to what passes them.
+              voxel: float) -> list[Manifold]:
+    """Return parts that yield to what passes them: the base to all, a moving part to earlier ones.
 
-    The base yields to all; of two that move, the one for which photos speak less where they meet.
-    Two that move may really cross, as a drawer and a shut door do: there it yields in both observed
-    states and where they graze.
+    Two that move may really cross, as a drawer and a shut door do: there the later one yields in
+    both observed states and where they graze.
 
     Args:
         surfaces: closed, base first, in the world frame at state 0.
         pieces: convex, per part: what it is the union of.
         place: joints, and the part that carries each.
-        beliefs: what photos say about every part, on grids of one voxel size.
+        voxel: size of the grid's cells, scene units.
     """
-    voxel = beliefs[0].grid.voxel
-    all_parts = _Parts(list(surfaces), [_fewer(own, voxel) for own in pieces], place, beliefs)
-    moving = range(1, place.count)
-    for part in moving:
-        for other in range(1, part):
-            ways = {k: all_parts.passing(k, by) for k, by in ((part, other), (other, part))}
-            yields = min(ways, key=lambda k: all_parts.worth(k, ways[k]))
-            all_parts.cut(yields, ways[yields], crossing=True)
-    for other in moving:
-        all_parts.cut(0, all_parts.passing(0, other), crossing=False)
-    return all_parts.solids
-
-
-class _Parts:
-    """Parts, and the convex pieces that each is the union of, while they yield to each other."""
-
-    def __init__(self, solids: list[Manifold], pieces: list[list[Manifold]], place: Place,
-                 beliefs: Sequence[Belief]) -> None:
-        self.solids, self.pieces, self.place, self.beliefs = solids, pieces, place, beliefs
-        self.voxel = beliefs[0].grid.voxel
-
-    def passing(self, part: int, other: int) -> tuple[list[Manifold], list[Manifold]]:
-        """Return what another part takes near a part in both states, and along its strides."""
-        always, along = _swept(other, part, self.pieces[other], self.place, self.voxel)
-        solid, pieces = self.solids[part], self.pieces[part]
-        return _Tools(always).near(solid, pieces), _Tools(along).near(solid, pieces)
-
-    def worth(self, part: int, ways: tuple[list[Manifold], list[Manifold]]) -> tuple[float, float]:
-        """Return how sure photos are of what all of that would take, and its share of the part."""
-        taken = _taken(self.solids[part], [*ways[0], *ways[1]])
-        points = sprinkled(taken)
-        if not len(points):
-            return np.inf, 0.0
-        belief = self.beliefs[part]
-        index = np.rint((points - belief.grid.lo) / belief.grid.voxel).astype(int)
-        x, y, z = np.clip(index, 0, np.array(belief.grid.shape) - 1).T
-        share = float(taken.volume() / self.solids[part].volume())
-        return float(belief.inside[x, y, z].mean()), share
-
-    def cut(self, part: int, ways: tuple[list[Manifold], list[Manifold]], crossing: bool) -> None:
-        """Take from a part what passes; of strides that really cross it, those that graze alone."""
-        solid, (always, along) = self.solids[part], ways
-        tools = [*always, *(_yielding(solid, along) if crossing else along)]
-        less = _without(solid, tools, part, self.voxel)
-        if less is solid:
-            return
-        near = _Tools(tools)
-        self.solids[part] = less
-        self.pieces[part] = [rest for piece in self.pieces[part]
-                             if not (rest := _rest(piece, near.near(piece, ()))).is_empty()]
+    out = list(surfaces)
+    kept = [_fewer(own, voxel) for own in pieces]
+    for part in (*range(1, place.count), 0):
+        for other in range(1, part or place.count):
+            always, along = _swept(other, part, kept[other], place, voxel)
+            near = _Tools(along).near(out[part], kept[part])
+            tools = _Tools([*always, *(near if part == 0 else _yielding(out[part], near))])
+            cut = _without(out[part], tools.near(out[part], kept[part]), part, voxel)
+            if cut is out[part]:
+                continue
+            out[part] = cut
+            kept[part] = [less for piece in kept[part]
+                          if not (less := _rest(piece, tools.near(piece, ()))).is_empty()]
+    return out
 
 
 def _fewer(pieces: Sequence[Manifold], voxel: float) -> list[Manifold]:
@@ -161,21 +123,14 @@ def _rest(solid: Manifold, tools: list[Manifold]) -> Manifold:
 
 def _yielding(solid: Manifold, near: list[Manifold]) -> list[Manifold]:
     """Return the strides to which a moving part yields."""
-    if _lost(solid, near) <= CROSSING:
-        return near
-    return [tool for tool in near if (solid ^ tool).volume() <= GRAZE * solid.volume()]
-
-
-def _lost(solid: Manifold, tools: list[Manifold]) -> float:
-    """Return the share of a solid that tools take."""
-    return float(_taken(solid, tools).volume() / solid.volume())
-
-
-def _taken(solid: Manifold, tools: list[Manifold]) -> Manifold:
-    """Return what tools take of a solid."""
     import manifold3d
 
-    return solid ^ manifold3d.Manifold.batch_boolean(tools, manifold3d.OpType.Add)
+    if not near:
+        return []
+    lost = solid ^ manifold3d.Manifold.batch_boolean(near, manifold3d.OpType.Add)
+    if lost.volume() <= CROSSING * solid.volume():
+        return near
+    return [tool for tool in near if (solid ^ tool).volume() <= GRAZE * solid.volume()]
 
 
 def _swept(part: int, carrier: int, pieces: Sequence[Manifold], place: Place,
