@@ -20,6 +20,7 @@ TABLES = {
     ("docs/edges.md", "edges"): ("edges", "edges", "table"),
     ("docs/judges.md", "judges"): ("judges", "judges", "table"),
     ("docs/geometry.md", "geometry"): ("geometry", "geometry_tables", "markdown"),
+    ("docs/geometry.md", "pieces"): ("pieces", "pieces", "markdown"),
     ("docs/masks.md", "masks"): ("masks", "masks", "table"),
 }
 OWN = {"solids": "solids", "simulators": "simulators", "states": "other_states"}
