@@ -23,7 +23,8 @@ from part2gs_robotics.model.twin import Part, PartMesh, Twin
 GAP = 2e-3  # of the size: engines that collide with a margin still see a gap
 LEAST_GAP = 2.2e-3  # metres: Bullet puts 1 mm round every piece, and rounds
 MOST_GAP = 0.01  # of the size: a small thing would lose more of its walls to the gap than it gains
-STEPS = 30  # per joint; 90 degrees in steps of 3: the arc between leaves 0.03 % of the radius
+STEPS = 30  # per joint at least
+TURN = np.deg2rad(3.0)  # of a hinge between them at most: the arc leaves 0.03 % of the radius
 COARSE = 1.5e-3  # of the size: copy of a part against which losses are weighed
 SHARES = (0.0, 0.25, 0.5, 0.75, 1.0)  # of a cut that the first of two pieces takes
 SPARE = 0.03  # of its volume a part may lose in one cut; more is a real crossing, left alone
@@ -175,7 +176,7 @@ def _finished(
 def _passages(twin: Twin) -> list[_Way]:
     """Return short motions.
 
-    Every joint alone in STEPS steps over its range, then every joint around state 1.
+    Every joint alone in small steps over its range, then every joint around state 1.
     """
     moving = moving_parts(twin)
     observed = [_value(twin, i) for i in moving]
@@ -198,9 +199,11 @@ def _value(twin: Twin, index: int) -> float:
 
 def _stops(twin: Twin, index: int) -> F64:
     """Return joint positions evenly over the range."""
-    low, high = twin.parts[index].limits
+    joint, (low, high) = twin.parts[index].joint, twin.parts[index].limits
+    turns = joint is not None and joint.turns
+    steps = max(STEPS, int(np.ceil((high - low) / TURN))) if turns else STEPS
     value = _value(twin, index)  # what was seen is one of them, at either end
-    return np.unique([*np.linspace(low, high, STEPS + 1), 0.0, value])
+    return np.unique([*np.linspace(low, high, steps + 1), 0.0, value])
 
 
 def _separate_at(

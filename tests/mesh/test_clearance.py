@@ -13,9 +13,10 @@ from synth import box, toy_cabinet_twin
 from part2gs_robotics.exporters.mjcf import write_mjcf
 from part2gs_robotics.mesh.clearance import gap_share, separate_pieces
 from part2gs_robotics.mesh.cut_pieces import piece_of
+from part2gs_robotics.model.joint import Joint
 from part2gs_robotics.model.se3 import rotation_from_rotvec
 from part2gs_robotics.model.solids import corners_of, hull_of, size_of, to_manifold, to_mesh
-from part2gs_robotics.model.twin import Twin
+from part2gs_robotics.model.twin import Part, Twin
 from part2gs_robotics.sim_checks import check
 from part2gs_robotics.sim_checks.result import format_text
 
@@ -108,3 +109,18 @@ def test_bodies_that_cross_are_left_alone_and_said_to() -> None:
     crossed = separate_pieces(dataclasses.replace(twin, parts=(solid, *twin.parts[1:])))
     assert any("too deep to cut back: base and part_1" in note for note in crossed.notes)
     assert volume(crossed.parts[0].pieces) > 0.9 * volume((block,))
+
+
+def test_a_gap_holds_between_the_stops_of_half_a_turn() -> None:
+    """An arm of half a metre passes a post: its tip bulges beyond the chord of a step."""
+    arm = box((-0.5, -0.02, 0.0), (0.5, 0.02, 0.1))
+    post = box((-0.05, 0.501, 0.0), (0.05, 0.6, 0.1))
+    joint = Joint("revolute", np.array([0, 0, 1.0]), np.zeros(3), 1.0)
+    parts = (Part("base", -1, to_mesh(post), (to_mesh(post),), None),
+             Part("part_1", 0, to_mesh(arm), (to_mesh(arm),), joint, (-0.5, 2.6), "derived"))
+    gap = 0.003
+    parted = separate_pieces(Twin("arm", parts, meters_per_unit=1.0), gap=gap)
+    (still,), (moved,) = (part.pieces for part in parted.parts)
+    for degrees in np.arange(60.0, 120.0, 0.5):
+        turned = to_manifold(moved).rotate([0, 0, float(degrees)])
+        assert turned.min_gap(to_manifold(still), 1.0) > 0.9 * gap
