@@ -136,7 +136,7 @@ class MeshConfig:
     free_range: bool = True
     """joints go as far as nothing is in the way; off: between the two photographed states"""
     collision_gap: float = 0.002
-    """gap between collision pieces of two parts, as a share of the object's size"""
+    """gap between pieces of two parts, share of the size; 2.2 mm at least, to 1 % of it; 0: none"""
     convex: bool = True
     """cut parts into convex collision pieces; off: one hull per part, hollows closed"""
 

@@ -23,10 +23,10 @@ from part2gs_robotics.model.twin import PartMesh
 if TYPE_CHECKING:
     from manifold3d import Manifold
 
-CONVEX = 0.01  # of what is real in a hull may be empty: three pieces of four stay below the goal
+CONVEX = 0.01  # of what is real in a hull may be empty: a third of what a part's pieces should have
 STICKS_OUT = 0.02  # of the tolerance, mean over the hull's surface: rounding, not shape
 SIMPLER = 0.1  # of the tolerance: what a surface may move before it is cut
-FEW_FACES = 4000  # a cut costs 10 ms on so many
+FEW_FACES = 4000  # a cut costs about 10 ms on so many
 LEAVES = 4  # times the pieces that are wanted: so fine is cut before neighbours are joined
 CRUMB = 1e-6  # of the volume: dropped
 FILM = 0.05  # of the tolerance: thinner pieces are dropped
