@@ -16,17 +16,10 @@ import numpy as np
 from part2gs_robotics.config import ArticulateConfig, SearchConfig
 from part2gs_robotics.decide.candidate import Candidate, on_base
 from part2gs_robotics.decide.claim import STAYS
-from part2gs_robotics.decide.grow import decide
+from part2gs_robotics.decide.grow import decide, lowered
 from part2gs_robotics.decide.hang import hang
 from part2gs_robotics.decide.judge import Judge
-from part2gs_robotics.decide.leave_out import (
-    held,
-    hopeful,
-    joint_of,
-    refilled,
-    staying,
-    unpaid,
-)
+from part2gs_robotics.decide.leave_out import joint_of, kinds_chosen, thinned, unpaid
 from part2gs_robotics.errors import FitError
 from part2gs_robotics.evidence.canonical import Canonical
 from part2gs_robotics.evidence.study import Study, gather
@@ -183,42 +176,24 @@ def _settled(judge: Judge, found: Candidate, photos: Photos, config: ArticulateC
              pool: Sequence[Joint]) -> Candidate:
     """Return the joints settled, with parts that other parts carry, aligned to the images.
 
-    A part that does not pay once joints are settled, or that the images do not hold in place, is
-    left out or another motion has its place, and the others settle again.
+    A part that does not pay once joints are settled is left out, what it leaves is searched once
+    more, and the others settle again.
 
     Args:
         judge: of the study.
         found: joints of parts on the base, and labels, to start from.
         photos: of both states.
         config: number of moving parts, if known, and seed.
-        pool: motions to choose from for parts that do not stay.
+        pool: motions to choose from in the place of parts that do not stay.
     """
-    free = config.parts is None
-    if free and len(found) > 1:
-        left = refilled(judge, found, hopeful(judge, found), pool)
-        found = settle(judge, left, photos, config)
-        found = _proven(judge, found, photos, config, pool)
-    else:
-        found = settle(judge, found, photos, config)
+    found = settle(judge, found, photos, config)
+    if config.parts is None and len(found) > 1:
+        left = thinned(judge, judge.judge(found))
+        if len(left) < len(found):
+            new = kinds_chosen(judge, lowered(judge, left, pool), left)
+            found = settle(judge, new, photos, config)
     found = hang(judge, found, config.parts, np.random.default_rng(config.seed))
-    if not any(found.parents):
-        return found
-    found = aligned(judge, found, photos.sharp)
-    return held(judge, found) if free else found
-
-
-def _proven(judge: Judge, found: Candidate, photos: Photos, config: ArticulateConfig,
-            pool: Sequence[Joint]) -> Candidate:
-    """Return settled parts on the base without those that do not stay, settled again."""
-    while True:
-        paying = staying(judge, found)
-        if len(paying) == len(found):
-            return found
-        left = refilled(judge, found, paying, pool)
-        found = settle(judge, left, photos, config)
-        if len(left) == len(paying):
-            return found
-        pool = ()  # asked once: what came in the place of a part that left has to stay as well
+    return aligned(judge, found, photos.sharp) if any(found.parents) else found
 
 
 def _about_number(asked: int | None, found: int, short: bool, idle: list[int]) -> list[str]:

@@ -12,15 +12,16 @@ from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import dijkstra
 
 from part2gs_robotics.decide.candidate import Candidate
-from part2gs_robotics.decide.judge import Judge
 from part2gs_robotics.decide.labelling import FOREIGN_COST, NEUTRAL_COST, Unary, label, unary_costs
 from part2gs_robotics.decide.passage import PASS_COST, Seen, passage_costs
 from part2gs_robotics.decide.surrounded import joined
 from part2gs_robotics.evidence.graph import Graph
+from part2gs_robotics.evidence.landing import Landing
 from part2gs_robotics.evidence.study import Study
 from part2gs_robotics.model import se3
 from part2gs_robotics.model.arrays import F64, Labels
 
+Lands = tuple[Landing, Landing]
 PROVEN = 0.25  # landing cost: a fair match, well below an unobserved place
 MARGIN = 0.1  # that every other label costs more
 AGREED = 0.8  # of the neighbours of a proof are proofs too: similar grain proves patches by chance
@@ -34,17 +35,18 @@ FAR_COST = 0.15  # half of what an unobserved place costs: breaks ties, outvotes
 ROUNDS = 2  # of proving and labelling; a third changes less than 0.1 % of the labels
 
 
-def claim(judge: Judge, found: Candidate, stays: float = 0.0) -> tuple[Labels, F64]:
+def claim(study: Study, lands: Lands, found: Candidate, stays: float = 0.0) -> tuple[Labels, F64]:
     """Return labels [N0 + N1] and costs [N0 + N1, K+1] with unobserved surfels claimed by reach.
 
     Args:
-        judge: of the study.
+        study: both states.
+        lands: landing grids of both states, nothing claimed.
         found: motions, and labels to start from.
         stays: diagonals by which a moving part must be nearer than the base to claim a surfel.
     """
-    study, hard = judge.study, found.labels
+    hard = found.labels
     moves = [np.eye(4), *(j.state1_from_0 for j in found.motions)]
-    unary = unary_costs(moves, study.surfels, judge.lands, study.tau)
+    unary = unary_costs(moves, study.surfels, lands, study.tau)
     extra = np.zeros_like(unary.match)
     for turn in range(ROUNDS):
         costs = unary.cost(np.eye(len(moves))[hard])
@@ -56,7 +58,8 @@ def claim(judge: Judge, found: Candidate, stays: float = 0.0) -> tuple[Labels, F
             slides = np.array([False, *(j.kind == "prismatic" for j in found.motions)])
             cores |= _cores(_gone(costs, extra, hard) & slides, study.graph)
         extra = _far(cores, study.ways, study.diag, stays)
-        extra += _passing(study, costs, proofs, found)
+        if turn:  # half of the time, and the second proofs are better
+            extra += _passing(study, costs, proofs, found)
         hard, _ = label(Unary(unary.match, unary.target, unary.miss, extra), study.graph)
     normals = np.concatenate([s.normals for s in study.surfels])
     hard = joined(hard, unary, study.graph, normals, _carried_by(study, moves),

@@ -13,10 +13,10 @@ from dataclasses import replace
 import numpy as np
 from scipy.spatial import cKDTree
 
-from part2gs_robotics.decide.candidate import AGAINST, Candidate
+from part2gs_robotics.decide.candidate import PART, Candidate
 from part2gs_robotics.decide.judge import NEAR, SLOW, Judge, arm_of
 from part2gs_robotics.decide.labelling import EVEN
-from part2gs_robotics.decide.leave_out import joint_of, pruned
+from part2gs_robotics.decide.leave_out import joint_of, thinned
 from part2gs_robotics.evidence.faces import directions
 from part2gs_robotics.evidence.landing import land
 from part2gs_robotics.evidence.surfels import Surfels
@@ -38,8 +38,7 @@ POLISHED = 8  # rounds of refinement; a line 5 % of the diagonal off takes three
 LEAST_TURN = np.deg2rad(3.0)  # beside the carrier: less is the carrier's own error
 LEAST_SLIDE = 0.02  # of the diagonal, likewise
 HALF = np.deg2rad(135.0)  # beside the carrier: from here on a plate lands on itself, sides swapped
-# Prices: false carriers saved 2.7 % of the cost, a true one 8.5; false new parts 1.25, true 4.1 up.
-CARRIED = 2
+RARER = 3  # prices: a screw, which a part on a part is as well, is rarer than that
 # Of the cost left, over CARRIED prices: two parallel turns make one about a far line.
 FAR_PRICE = 0.04
 FAR = 0.3  # of the diagonal
@@ -56,7 +55,7 @@ def hang(judge: Judge, found: Candidate, most: int | None, rng: np.random.Genera
                 break
             found = grown
     if most is None and len(found) > count:
-        found = pruned(judge, found)
+        found = thinned(judge, judge.judge(found))
     return found.carriers_first()
 
 
@@ -73,12 +72,11 @@ def _grown(judge: Judge, found: Candidate, carrier: int, priced: bool, rng: np.r
     tried = _search(judge, left, found.motions[carrier - 1].state1_from_0, body, rng)
     if not tried:
         return None
-    grown = _polished(judge, judge.best_of([found.plus(h, carrier) for h in tried], now))
-    gain = now.cost - grown.cost
-    price = CARRIED * judge.price(grown, now.cost) if priced else 0.0
-    logger.info("nested: %d of part %d left, %d motions on it: %.4f less; price %.4f", len(left),
-                carrier, len(tried), gain, price)
-    if not grown.coherent or gain < price or not grown.improves(now):
+    grown = _polished(judge, judge.best_of([found.plus(h, carrier) for h in tried]))
+    gain = now.cost - grown.cost if priced else now.scores.left - grown.scores.left
+    logger.info("nested: %d of part %d left, %d motions on it: %.4f less", len(left), carrier,
+                len(tried), gain)
+    if gain <= 0:
         return None
     return grown.swapped(len(found), joint_of(judge, grown, len(found)))
 
@@ -168,33 +166,24 @@ def _rehung(judge: Judge, found: Candidate) -> Candidate:
             if p == k or found.parents[p] or not (motions[k].turns or motions[p].turns):
                 continue  # a slide on a slide is one on the base as well: nothing tells them apart
             trial = _moved_to(judge, best, k, p, motions[k])
-            if trial is None or se3.turn(trial.motions[k].move) < LEAST_TURN:
+            if se3.turn(trial.motions[k].move) < LEAST_TURN:
                 continue  # taken back, the carrier's turn leaves a slide: one on the base
             cost = trial.cost * (1 + _apart(judge, trial, k))
             logger.info("nested: part %d on part %d: %.4f, was %.4f", k + 1, p + 1, cost, score)
-            # The base is likelier than a carrier by as much as no part is than one more: two turns
-            # about one line explain the same either way. A screw, which both together are as well,
-            # is rarer than a part on a part.
-            prices = -1 if best.motions[k].kind == "screw" else CARRIED
-            price = judge.price(trial, score) * prices
-            if trial.coherent and cost < score - price:
+            # Two turns about one line explain the same either way: the carrier has its price.
+            rarer = RARER * PART if best.motions[k].kind == "screw" else 0.0
+            if cost < score + rarer:
                 best, score = trial, cost
         if best is not start:
             found = best.swapped(k, joint_of(judge, best, k))
     return found
 
 
-def _moved_to(judge: Judge, found: Candidate, k: int, p: int, h: Joint) -> Candidate | None:
-    """Return the candidate with part k, which moves by h on the base, on part p.
-
-    None where surfels alone speak against it.
-    """
+def _moved_to(judge: Judge, found: Candidate, k: int, p: int, h: Joint) -> Candidate:
+    """Return the candidate with part k, which moves by h on the base, on part p."""
     study, own = judge.study, judge.study.own(found.labels, k + 1)
     guess = _beside(h, found.motions[p].state1_from_0, own)
-    moved = found.swapped(k, refine(guess, own, judge.lands, study.taus), p + 1)
-    known = judge.sort_out(moved.motions)
-    against = known[1] >= (1 + AGAINST) * found.scores.surfels
-    return None if against else judge.judge(moved, known)
+    return judge.judge(found.swapped(k, refine(guess, own, judge.lands, study.taus), p + 1))
 
 
 def _beside(h: Joint, carrier: F64, own: tuple[Surfels, Surfels]) -> Joint:

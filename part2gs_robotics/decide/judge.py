@@ -8,8 +8,16 @@ from functools import partial
 
 import numpy as np
 
-from part2gs_robotics.decide.candidate import INCOHERENT, Candidate, Scores
-from part2gs_robotics.decide.labelling import STARTS, Unary, label, roughly, unary_costs
+from part2gs_robotics.decide.candidate import PART, STRANGE, Candidate, Scores
+from part2gs_robotics.decide.claim import STAYS, claim
+from part2gs_robotics.decide.labelling import (
+    STARTS,
+    Unary,
+    energy_of,
+    label,
+    roughly,
+    unary_costs,
+)
 from part2gs_robotics.decide.made_joints import askew, crooked, square
 from part2gs_robotics.evidence.cross_render import both_cost
 from part2gs_robotics.evidence.landing import unclaimed
@@ -21,14 +29,11 @@ from part2gs_robotics.model.joint import Joint
 from part2gs_robotics.runtime.side_by_side import side_by_side
 from part2gs_robotics.search.refine import refine
 
-PART_PRICE = 0.003  # of cost per object pixel plus cost per surfel: what one more part must save
-PART_SHARE = 0.015  # of the cost left: what noise saves grows with it
 SLOW = 0.05  # of the diagonal: bent depth looks like parts that move less (seen: 4.3 %)
-SLOW_SHARE = 0.027  # of the cost left, with such a part: bent depth saved 2.0 to 2.3 %
 MIN_SURFELS = 25  # in either state: less is the size of a floater
 NEAR = 0.05  # of the diagonal: hinges of eleven scenes pass their parts by 0.036 at most
 SORTED = 10  # sets per step, the best by a rough labelling, that are labelled to the end
-SHOWN = 5  # sets per step that are rendered
+SHOWN = 3  # sets per step, the best by surfels, whose labels are claimed and rendered
 
 
 def arm_of(h: Joint, own: tuple[Surfels, Surfels]) -> float:
@@ -46,6 +51,7 @@ class Judge:
         self._normals = np.concatenate([s.normals for s in study.surfels])
         self._square = square(study.straight.directions)
         self._columns: dict[int, tuple[Joint, Unary]] = {}
+        self._judged: dict[tuple[object, ...], tuple[tuple[Joint, ...], Labels, Scores]] = {}
         self.static = unary_costs([np.eye(4)], study.surfels, self.lands, study.tau)
 
     def _column(self, h: Joint) -> Unary:
@@ -55,25 +61,6 @@ class Judge:
                 unary_costs([h.move], self.study.surfels, self.lands, self.study.tau),
             )
         return self._columns[id(h)][1]
-
-    def met(self, motions: Sequence[Joint], hard: Labels) -> F64:
-        """Return [K] what share of its poorer state every motion carries onto its richer one."""
-        n0, shares = len(self.study.surfels[0]), np.zeros(len(motions))
-        for k, h in enumerate(motions):
-            own = np.flatnonzero(hard == k + 1)
-            zero, one = own[own < n0], own[own >= n0]
-            poorer = zero if len(zero) < len(one) else one
-            target = self._column(h).target[poorer, 0]
-            if len(poorer) >= MIN_SURFELS:
-                shares[k] = ((target >= 0) & (hard[np.maximum(target, 0)] == k + 1)).mean()
-        return shares
-
-    def shared(self, motions: Sequence[Joint], hard: Labels) -> F64:
-        """Return [K] what share of its richer state's surfels every motion lands on its own."""
-        zero, one = (np.bincount(part, minlength=len(motions) + 1)[1:] for part in
-                     np.split(hard, [len(self.study.surfels[0])]))
-        least, most = np.minimum(zero, one), np.maximum(zero, one)
-        return self.met(motions, hard) * least / np.maximum(most, 1)
 
     def sort_out(self, motions: Sequence[Joint], starts: tuple[float, ...] = STARTS,
                  ) -> tuple[Labels, float]:
@@ -101,12 +88,12 @@ class Judge:
             np.concatenate([c.miss for c in columns], 1),
         )
 
-    def best_of(self, sets: Sequence[Candidate], above: Candidate | None = None) -> Candidate:
+    def best_of(self, sets: Sequence[Candidate], shown: int = SHOWN) -> Candidate:
         """Return the best of several candidates; the images see only the best by surfels.
 
         Args:
-            sets: candidates, not judged yet.
-            above: candidates that improve this one come before those that do not.
+            sets: candidates, not judged yet; one at least.
+            shown: how many the images see.
         """
         for motion in {id(h): h for s in sets for h in s.motions}.values():
             self._column(motion)  # before several threads ask for it
@@ -117,55 +104,54 @@ class Judge:
         found = side_by_side([partial(self.sort_out, sets[n].motions, (rough[n][1],))
                               for n in order])
         ranked = sorted(zip(found, few, strict=True),
-                        key=lambda pair: self._likely(pair[1].motions, pair[0]))[:SHOWN]
-        shown = side_by_side([partial(self.judge, s, known) for known, s in ranked])
-        return min(shown, key=lambda c: (above is not None and not c.improves(above), c.cost))
+                        key=lambda pair: self._likely(pair[1].motions, pair[0]))[:shown]
+        judged = side_by_side([partial(self.judge, s, known[0]) for known, s in ranked])
+        return min(judged, key=lambda c: c.cost)
 
     def _likely(self, motions: Sequence[Joint], known: tuple[Labels, float]) -> float:
         """Return what a set costs before images see it: a few dozen sets must be sorted fast."""
-        return known[1] + INCOHERENT * float(self.leans(motions, known[0]).max(initial=0.0))
+        return known[1] + STRANGE * self.strange(motions, known[0]) + PART * len(motions)
 
-    def judge(self, found: Candidate, known: tuple[Labels, float] | None = None) -> Candidate:
-        """Return the candidate with labels and scores; `known` is what `sort_out` said."""
-        motions = found.motions
-        hard, surfels = known or self.sort_out(motions)
-        images = both_cost(
-            self.study.gaussians,
-            self.study.gaussian_labels(hard),
-            [np.eye(4), *(h.move for h in motions)],
-            self.study.views,
-            self.study.source_weight,
-            self.study.light,
-        )
-        met = float(self.met(motions, hard).min(initial=1.0))
-        leans = float(self.leans(motions, hard).max(initial=0.0))
-        scores = Scores(surfels, images, met, self.air(motions, hard), leans)
-        return replace(found, labels=hard, judged=scores)
+    def judge(self, found: Candidate, known: Labels | None = None) -> Candidate:
+        """Return the candidate with labels and scores; `known` are labels to start from.
+
+        A set is judged once: its motions are kept beside, so their ids stay their own.
+        """
+        key = (*map(id, found.motions), *found.parents)
+        if key not in self._judged:
+            hard = self.sort_out(found.motions)[0] if known is None else known
+            if found.motions:
+                start = replace(found, labels=hard)
+                hard = claim(self.study, self.lands, start, STAYS)[0]
+            self._judged[key] = found.motions, hard, self.scores(found, hard)
+        return replace(found, labels=self._judged[key][1], judged=self._judged[key][2])
+
+    def scores(self, found: Candidate, hard: Labels) -> Scores:
+        """Return what surfels and photos say of a set of motions under given labels."""
+        motions, study = found.motions, self.study
+        surfels = energy_of(self._unary(motions).resting, study.graph, hard) / len(hard)
+        images = both_cost(study.gaussians, study.gaussian_labels(hard),
+                           [np.eye(4), *(h.move for h in motions)], study.views,
+                           study.source_weight, study.light)
+        cut = study.bonds * (hard[:, None] != hard[study.graph.neighbors])
+        carried = sum(parent > 0 for parent in found.parents)
+        return Scores(surfels, images, float(cut.sum(dtype=np.float64)) / len(hard),
+                      self.strange(motions, hard), len(found) + carried)
+
+    def strange(self, motions: Sequence[Joint], hard: Labels) -> float:
+        """Return what `Scores.strange` says of all motions together."""
+        return float((self.leans(motions, hard) + self.air(motions, hard)).sum())
 
     def leans(self, motions: Sequence[Joint], hard: Labels) -> F64:
         """Return [K] how surely every motion is one that no made thing's joint makes, 0..1."""
         return np.array([max(askew(h, self._normals[hard == k + 1]), crooked(h, self._square))
                          for k, h in enumerate(motions)])
 
-    def air(self, motions: Sequence[Joint], hard: Labels) -> float:
-        """Return the largest of what Scores.air says of every turn."""
-        gaps = [arm_of(h, self.study.own(hard, k + 1)) / self.study.diag
-                for k, h in enumerate(motions) if h.turns]
-        return max((min(max(gap / NEAR - 1.0, 0.0), 1.0) for gap in gaps if gap < np.inf),
-                   default=0.0)
-
-    def bodies(self, found: Candidate) -> Candidate:
-        """Return the candidate without motions that carry no body of their own, worst first."""
-        while not found.coherent:
-            worst = int(self.met(found.motions, found.labels).argmin())
-            found = self.polished(self.judge(found.without(worst)))
-        return found
-
-    def price(self, grown: Candidate, left: float) -> float:
-        """Return what one more part must save of the cost left: more if a part hardly moves."""
-        ways = [self.way(grown, k) for k in range(len(grown))]
-        slow = min((w for w in ways if w is not None), default=0.0) < SLOW * self.study.diag
-        return max(PART_PRICE, (SLOW_SHARE if slow else PART_SHARE) * left)
+    def air(self, motions: Sequence[Joint], hard: Labels) -> F64:
+        """Return [K] 0..1, how far the line of every turn passes its part; 0 without any part."""
+        arms = np.array([arm_of(h, self.study.own(hard, k + 1)) if h.turns else 0.0
+                         for k, h in enumerate(motions)]) / self.study.diag
+        return np.where(np.isfinite(arms), np.clip(arms / NEAR - 1.0, 0.0, 1.0), 0.0)
 
     def way(self, found: Candidate, k: int) -> float | None:
         """Return how far motion k moves its surfels on average, scene units; None without any."""

@@ -12,7 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from part2gs_robotics.decide.candidate import Candidate, on_base
+from part2gs_robotics.decide.candidate import PART, Candidate, on_base
 from part2gs_robotics.decide.judge import Judge
 from part2gs_robotics.evidence.landing import land
 from part2gs_robotics.model import se3
@@ -48,9 +48,7 @@ def risen(judge: Judge, found: Candidate, pool: Sequence[Joint]) -> Candidate:
         sets = [found.swapped(k, screw) for k in range(len(found)) if len(found) > 1]
         trials = [alone, *([judge.polished(judge.best_of(sets))] if sets else [])]
         for trial in trials:
-            more = RARE + len(trial) - len(best)
-            price = more * judge.price(trial, best.cost)
-            if trial.coherent and trial.cost < best.cost - price:
+            if trial.cost < best.cost - RARE * PART:
                 logger.info("decide: a screw among %d parts: cost %.4f, %.4f less", len(trial),
                             trial.cost, best.cost - trial.cost)
                 best = trial

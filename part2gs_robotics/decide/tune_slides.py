@@ -29,7 +29,7 @@ def tune(judge: Judge, found: Candidate) -> Candidate:
         before = best.cost
         for k in range(len(best)):
             sets = [best.swapped(k, h) for h in _variants(best.motions, k, judge.study.diag)]
-            trial = judge.best_of(sets) if sets else best
+            trial = judge.best_of(sets, 1) if sets else best
             best = trial if trial.cost < best.cost else best
         logger.info("tune: cost %.4f, %.4f less", best.cost, before - best.cost)
         if before - best.cost < 1e-4:  # a tenth of what one wrong surfel in a thousand costs

@@ -83,7 +83,7 @@ def calmed(judge: Judge, found: Candidate, pool: Sequence[Joint]) -> Candidate:
         if not less:
             continue
         trial = judge.polished(judge.best_of([best.swapped(k, new) for new in less]))
-        if trial.coherent and trial.cost < (1 + ALIKE) * best.cost:
+        if trial.cost < (1 + ALIKE) * best.cost:
             logger.info("decide: part %d looks alike after half a turn: it moves less; cost %.4f, "
                         "was %.4f", k + 1, trial.cost, best.cost)
             best = trial
@@ -113,7 +113,7 @@ def lessened(judge: Judge, found: Candidate, pool: Sequence[Joint]) -> Candidate
         if rest.cost - trial.cost <= RAW * saved:
             continue
         trial = judge.polished(trial)
-        if trial.coherent and rest.cost - trial.cost > NEARLY * saved > 0.0:
+        if rest.cost - trial.cost > NEARLY * saved > 0.0:
             logger.info("decide: part %d may as well move less: cost %.4f, was %.4f, without it "
                         "%.4f", k + 1, trial.cost, best.cost, rest.cost)
             best = trial

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from part2gs_robotics.evidence.light import Light
 from part2gs_robotics.model import se3
-from part2gs_robotics.model.arrays import F64
+from part2gs_robotics.model.arrays import F32, F64
 from part2gs_robotics.model.gaussians import Gaussians, Splats
 from part2gs_robotics.model.small_views import SmallViews
 from part2gs_robotics.render.dispatch import render
@@ -46,30 +46,25 @@ def move_gaussians(gaussians: Gaussians, labels: NDArray[np.int64], moves: list[
 
 
 def cross_cost(
-    source: Gaussians, labels: NDArray[np.int64], moves: list[F64], views: SmallViews,
-    colors: NDArray[np.float32] | None = None, normals: F64 | None = None,
+    moved: Splats, views: SmallViews, normals: F64 | None = None,
 ) -> float:
     """Return the mean cost per object pixel, 0 = the moved Gaussians look as photographed.
 
     Args:
-        source: Gaussians of one state.
-        labels: [N] part of each.
-        moves: [4, 4] per label into the state of the views; moves[0] is the identity.
-        views: small views of the other state.
-        colors: [N, 3] of the Gaussians where they have moved to; None = as they are.
+        moved: Gaussians of one state where they have moved to, see `move_gaussians`.
+        views: small views of the other state; their floor is not charged.
         normals: [N, 3] of the side that the source state saw, where they have moved to; the colour
             of another side is not compared. None = every side was seen.
     """
-    moved = move_gaussians(source, labels, moves)
-    moved = moved if colors is None else replace(moved, colors=colors)
     total, work = 0.0, Workspace()
     for v in range(len(views)):
         behind = None if normals is None else _behind(moved.means, normals, views.viewmats[v])
         out = render(moved, views.camera(v), extra=behind, workspace=work)
         far = np.zeros_like(out.alpha) if behind is None else out.extra[..., 0]
-        rows = np.zeros(len(out.alpha))
-        _row_costs(out.color, out.alpha, far, views.colors[v], views.alphas[v], rows)
-        total += float(rows.sum())
+        costs = np.zeros_like(out.alpha)
+        _pixel_costs(out.color, out.alpha, far, views.colors[v], views.alphas[v], costs)
+        least = 0.0 if views.floor is None else views.floor[v]
+        total += float(np.maximum(costs - least, 0.0).sum(dtype=np.float64))
     return total / max(float(views.alphas.sum()), 1.0)
 
 
@@ -94,12 +89,29 @@ def _fill_behind(means: Floats, normals: F64, eye: F64, low: float, high: float,
         out[i, 0] = min(max((along - low) / (high - low), 0.0), 1.0)
 
 
+def floor_of(own: Gaussians, views: SmallViews) -> F32:
+    """Return [V, H, W] what a state's own Gaussians leave unexplained in its own photos.
+
+    A halo of a pixel along every silhouette, blur, what a few small Gaussians cannot show: most of
+    the cost at the true motions, and no motion changes it.
+
+    Args:
+        own: Gaussians of a state.
+        views: of the same state.
+    """
+    out, work = np.zeros(views.alphas.shape, np.float32), Workspace()
+    for v in range(len(views)):
+        seen = render(own.splats, views.camera(v), workspace=work)
+        _pixel_costs(seen.color, seen.alpha, np.zeros_like(seen.alpha), views.colors[v],
+                     views.alphas[v], out[v])
+    return out
+
+
 @parallel_kernel
-def _row_costs(color: Floats, alpha: Floats, far: Floats, photo: Floats, mask: Floats,
-               rows: F64) -> None:
-    """Fill the cost of every row of an image against its photo."""
-    for y in prange(len(rows)):
-        total = 0.0
+def _pixel_costs(color: Floats, alpha: Floats, far: Floats, photo: Floats, mask: Floats,
+                 costs: Floats) -> None:
+    """Fill the cost of every pixel of an image against its photo."""
+    for y in prange(len(costs)):
         for x in range(alpha.shape[1]):
             excess = alpha[y, x] - mask[y, x]
             # Colour of what is there; nothing is compared where nothing was rendered.
@@ -108,9 +120,8 @@ def _row_costs(color: Floats, alpha: Floats, far: Floats, photo: Floats, mask: F
                 tint += abs(color[y, x, c] - alpha[y, x] * photo[y, x, c])
             hidden = far[y, x] / max(alpha[y, x], 1e-6)
             tint = (1.0 - hidden) * min(tint / (3 * COLOR_SCALE), 1.0)
-            total += tint + FAR_SIDE_COST * far[y, x] + min(2.0 * max(excess, 0.0), 1.0)
-            total -= MISSING_COST * min(excess, 0.0)
-        rows[y] = total
+            cost = tint + FAR_SIDE_COST * far[y, x] + min(2.0 * max(excess, 0.0), 1.0)
+            costs[y, x] = cost - MISSING_COST * min(excess, 0.0)
 
 
 def both_cost(
@@ -131,9 +142,11 @@ def both_cost(
     def cost(source: int) -> float:
         there = moves if source == 0 else [se3.inverse(m) for m in moves]
         pair = gaussians[source], labels[source]
-        colors = light.colors(source, *pair, there) if light else None
+        moved = move_gaussians(*pair, there)
+        if light:
+            moved = replace(moved, colors=light.colors(source, *pair, there))
         normals = light.turned(source, labels[source], there) if light else None
-        return cross_cost(*pair, there, views[1 - source], colors, normals)
+        return cross_cost(moved, views[1 - source], normals)
 
     # A direction that counts for less than 2 % is not worth its renders.
     asked = [source for source in (0, 1) if source_weight[source] > 0.02]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, partial
 
 import numpy as np
@@ -12,10 +12,11 @@ from scipy.spatial import cKDTree
 
 from part2gs_robotics.config import SearchConfig
 from part2gs_robotics.evidence.canonical import Canonical
+from part2gs_robotics.evidence.cross_render import floor_of
 from part2gs_robotics.evidence.depth_maps import DepthMaps
 from part2gs_robotics.evidence.edges import bundled, edge_families
 from part2gs_robotics.evidence.faces import flat_faces
-from part2gs_robotics.evidence.graph import Graph, build_graph, ways_along
+from part2gs_robotics.evidence.graph import Graph, bonds, build_graph, ways_along
 from part2gs_robotics.evidence.guides import Guides, guides_of
 from part2gs_robotics.evidence.landing import Landing, build_landing
 from part2gs_robotics.evidence.light import Light
@@ -23,7 +24,7 @@ from part2gs_robotics.evidence.part_edges import Clues, part_edges
 from part2gs_robotics.evidence.segments import Segments, segments_of
 from part2gs_robotics.evidence.surfaces import Evidence
 from part2gs_robotics.evidence.surfels import Surfels
-from part2gs_robotics.model.arrays import F64
+from part2gs_robotics.model.arrays import F32, F64
 from part2gs_robotics.model.gaussians import Gaussians
 from part2gs_robotics.model.small_views import SmallViews, small_views
 from part2gs_robotics.runtime.side_by_side import side_by_side
@@ -42,9 +43,11 @@ class Study:
         surfels: of both states.  lands: landing grids of both states.
         evidence: vacated and arrived surfels.  graph: of all surfels, state 1 after state 0.
         nearest: per state, [N_s] the surfel nearest to every Gaussian.
-        views: small views of both states.  box: corners of the object.  diag: its diagonal.
+        views: small views of both states, with floors.
+        box: corners of the object.  diag: its diagonal.
         light: how bright a face is by the way it looks; colours of surfels are without it.
         segments: straight edges in the photos of both states.
+        bonds: [N0 + N1, k] how firmly neighbours hold together, see `graph.bonds`.
     """
 
     gaussians: tuple[Gaussians, Gaussians]
@@ -59,6 +62,7 @@ class Study:
     diag: float
     light: Light
     segments: tuple[Segments, Segments]
+    bonds: F32
 
     @property
     def source_weight(self) -> tuple[float, float]:
@@ -132,20 +136,28 @@ def gather(both: Canonical, config: SearchConfig | None = None) -> Study:
              for state in both.scene.states]
     normals = [seen.surfels[s].normals[nearest[s]] for s in (0, 1)]
     segments = side_by_side([partial(segments_of, state) for state in both.scene.states])
+    graph = build_graph(seen.surfels)
+    views = side_by_side([partial(_with_floor, *pair) for pair in
+                          zip(both.seen, views, strict=True)])
     return Study(
         both.seen,
         seen.maps,
         seen.surfels,
         (lands[0], lands[1]),
         seen.evidence,
-        build_graph(seen.surfels),
+        graph,
         (nearest[0], nearest[1]),
         (views[0], views[1]),
         seen.box,
         seen.diag,
         Light(seen.shades, (normals[0], normals[1])),
         (segments[0], segments[1]),
+        bonds(seen.surfels, graph, seen.maps, both.scene.states, seen.diag),
     )
+
+
+def _with_floor(own: Gaussians, views: SmallViews) -> SmallViews:
+    return replace(views, floor=floor_of(own, views))
 
 
 def distances(tau: float) -> tuple[float, ...]:

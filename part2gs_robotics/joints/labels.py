@@ -45,7 +45,7 @@ def labels_under(judge: Judge, found: Candidate, config: ArticulateConfig, stays
         stays: diagonals by which a part must be nearer than the base to what nothing shows.
     """
     if config.identity and not config.paper_mode:
-        return claim(judge, found, stays)
+        return claim(judge.study, judge.lands, found, stays)
     costs = landing_costs(judge, [j.state1_from_0 for j in found.motions])
     if not config.identity:
         return costs.argmin(1), costs

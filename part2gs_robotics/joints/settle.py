@@ -75,7 +75,7 @@ def settle(judge: Judge, found: Candidate, photos: Photos, config: ArticulateCon
 def aligned(judge: Judge, found: Candidate, views: Views) -> Candidate:
     """Return the candidate aligned to the images, carried parts as their carriers take them."""
     for levels in (FINE[:1], FINE):
-        found = replace(found, labels=claim(judge, found)[0])
+        found = replace(found, labels=claim(judge.study, judge.lands, found)[0])
         problem = problem_of(judge, found, views)
         joints = align(problem, found.motions, levels, levels is FINE,
                        judge.study.clues(problem.labels, len(found)))
@@ -154,7 +154,7 @@ def _alternate(judge: Judge, found: Candidate, views: Views, levels: tuple[Level
         problem = problem_of(judge, found, views)
         joints = align(problem, found.motions, FINE[:1] if turn else levels, deviations=False)
         found = judge.judge(found.with_motions(joints))
-        found = replace(found, labels=claim(judge, found)[0])
+        found = replace(found, labels=claim(judge.study, judge.lands, found)[0])
     return found
 
 

@@ -29,12 +29,14 @@ class SmallViews:
     Attributes:
         colors: [V, H, W, 3] premultiplied, 0..1.  alphas: [V, H, W] 0..1.
         Ks: [V, 3, 3] of the small images.  viewmats: [V, 4, 4] camera_from_world.
+        floor: [V, H, W] cost of every pixel that no motion can be blamed for; None = zero.
     """
 
     colors: NDArray[np.float32]
     alphas: NDArray[np.float32]
     Ks: F64
     viewmats: F64
+    floor: NDArray[np.float32] | None = None
 
     def __len__(self) -> int:
         """Return the number of views."""
@@ -51,8 +53,9 @@ class SmallViews:
 
     def select(self, index: list[int]) -> SmallViews:
         """Return the views of these indices."""
+        floor = None if self.floor is None else self.floor[index]
         return SmallViews(self.colors[index], self.alphas[index], self.Ks[index],
-                          self.viewmats[index])
+                          self.viewmats[index], floor)
 
     def every(self, step: int) -> SmallViews:
         """Return one view of every `step`."""

@@ -7,10 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from part2gs_robotics.articulate import Clock, Found, _proven, settled_motion
+from part2gs_robotics.articulate import Clock, Found, _settled, settled_motion
 from part2gs_robotics.config import ArticulateConfig
 from part2gs_robotics.decide.candidate import on_base
-from part2gs_robotics.decide.leave_out import LOOSE
 from part2gs_robotics.joints.settle import Photos
 from part2gs_robotics.model.joint import Joint
 
@@ -20,28 +19,26 @@ PLAIN = ArticulateConfig(identity=False, contact=False, vector_field=False, alig
 
 
 @pytest.mark.parametrize("known", [True, False])
-def test_settled_parts_are_proven_until_nothing_leaves(judge, right, look_alikes, known,
-                                                       monkeypatch):
-    """A loose false part leaves, the true one has its place, and all settle once for that."""
-    first, second = (Joint("prismatic", h.axis, h.origin, h.value, sigma_axis=0.5 * LOOSE,
-                           seen=(0.5 * LOOSE, 1e-3)) for h in look_alikes.truth)
-    false = replace(second, axis=np.array([0.0, 1, 0]), seen=(0.1, 1e-3))
-    photos, settled = Photos((), ()), []
+def test_a_part_that_does_not_pay_leaves_and_the_true_one_has_its_place(
+        judge, right, look_alikes, known, monkeypatch):
+    first, second = (Joint("prismatic", h.axis, h.origin, h.value) for h in look_alikes.truth)
+    false = replace(second, value=-second.value)
+    settled = []
 
     def settle(_judge, found, *_photos_and_config):
         settled.append(len(found))
-        return found.with_motions(replace(j, seen=(0.5 * LOOSE, 1e-3)) for j in found.motions)
+        return found
 
     monkeypatch.setattr("part2gs_robotics.articulate.settle", settle)
+    pool = look_alikes.truth if known else []
     start = on_base([first, false], right.labels)
-    pool = look_alikes.truth if known else [false]
-    found = _proven(judge, start, photos, ArticulateConfig(), pool)
+    found = _settled(judge, start, Photos((), ()), ArticulateConfig(), pool)
     ways = [0.3, 0.2] if known else [0.3]
     assert [j.value for j in found.motions] == pytest.approx(ways, abs=5e-3)
-    assert settled == [len(found)]
+    assert settled == [2, len(found)]
     sound = on_base([first, second], right.labels)
-    assert _proven(judge, sound, photos, ArticulateConfig(), pool) is sound
-    assert len(settled) == 1
+    assert _settled(judge, sound, Photos((), ()), ArticulateConfig(), pool).motions == sound.motions
+    assert settled == [2, len(found), 2], "nothing left: settled once"
 
 
 def settled_of(look_alikes, judge, decided, config):

@@ -7,15 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from part2gs_robotics.decide.candidate import (
-    ALL_MET,
-    INCOHERENT,
-    MIN_MET,
-    NONE_MET,
-    Candidate,
-    Scores,
-    on_base,
-)
+from part2gs_robotics.decide.candidate import PART, STRANGE, Candidate, Scores, on_base
 from part2gs_robotics.model.joint import Joint
 
 pytestmark = pytest.mark.usefixtures("one_numba_thread")
@@ -47,11 +39,6 @@ def family(found):
 def kinship(found):
     """Return, by the value of every part, that of its carrier and its number."""
     return {value: row[:2] for value, row in family(found).items()}
-
-
-def rescored(found, **scores):
-    """Return a judged candidate with other scores."""
-    return replace(found, judged=replace(found.scores, **scores))
 
 
 def test_parts_on_the_base_are_numbered_in_order_and_not_judged():
@@ -145,8 +132,7 @@ def test_whatever_changes_is_not_judged_yet():
     assert found.cost == found.scores.cost == SCORES.cost
     for new in (found.plus(DOOR), found.without(2), found.swapped(1, FLAP),
                 found.swapped(2, FLAP, 1), found.with_motions(found.motions), on_base([DOOR])):
-        for ask in (lambda c: c.scores, lambda c: c.cost, lambda c: c.coherent,
-                    lambda c: c.improves(found), found.improves):
+        for ask in (lambda c: c.scores, lambda c: c.cost):
             with pytest.raises(AssertionError, match="asked for before it is judged"):
                 ask(new)
 
@@ -161,53 +147,18 @@ def test_what_a_change_is_made_from_stays_as_it_was():
     assert found.scores is SCORES
 
 
-def test_a_torn_set_costs_more_the_less_of_it_meets_its_kind(right):
-    whole = right.scores.left
-    assert whole == right.scores.surfels + right.scores.images
-    shares = np.linspace(0.0, 1.0, 101)
-    more = np.array([rescored(right, met=float(m)).cost for m in shares]) - whole
-    assert more[shares >= ALL_MET].max() == pytest.approx(0.0, abs=1e-12)
-    assert more[shares <= NONE_MET] == pytest.approx(INCOHERENT)
-    assert (np.diff(more) <= 1e-12).all()
-    assert [rescored(right, met=m).coherent for m in (MIN_MET - 1e-9, MIN_MET)] == [False, True]
-    assert right.scores.met > ALL_MET
+@pytest.mark.parametrize("term", ["surfels", "images", "seams", "strange", "parts"])
+def test_every_term_counts_in_one_sum(term):
+    weights = {"surfels": 1.0, "images": 1.0, "seams": 1.0, "strange": STRANGE, "parts": PART}
+    start = Scores(0.1, 0.2, 0.03, 0.5, 2)
+    more = replace(start, **{term: getattr(start, term) + 1})
+    assert more.cost - start.cost == pytest.approx(weights[term])
+    assert more.left - start.left == pytest.approx(0.0 if term == "parts" else weights[term])
 
 
-def test_bodies_need_only_cost_less_than_what_is_none(right):
-    torn = rescored(right, met=0.0, surfels=0.95 * right.scores.surfels)
-    assert right.improves(torn)
-    assert not right.improves(rescored(torn, met=1.0)), "surfels speak against it"
-    assert not right.improves(rescored(torn, surfels=torn.scores.surfels - INCOHERENT))
-    worse = rescored(right, surfels=right.scores.surfels + 0.1)
-    assert torn.improves(worse), "on the way"
-
-
-def test_a_set_without_a_slide_askew_need_only_cost_less(right):
-    surfels = right.scores.surfels
-    askew = rescored(right, askew=0.6, surfels=0.95 * surfels)
-    assert askew.cost == pytest.approx(right.cost - 0.05 * surfels + 0.6 * INCOHERENT)
-    assert right.improves(askew)
-    assert not right.improves(rescored(askew, askew=0.4)), "surfels speak against it"
-    assert not right.improves(rescored(askew, surfels=askew.scores.surfels - INCOHERENT))
-
-
-@pytest.mark.parametrize(("met", "images", "improves"), [
-    (0.95, 1.02, True),  # one motion for two drawers became two
-    (0.95, 1.04, False), (0.65, 1.02, False), (0.65, 1.005, True),
-])
-def test_images_may_speak_a_little_against_bodies_that_become_whole(right, met, images, improves):
-    torn = rescored(right, met=0.6)
-    old = right.scores
-    whole = rescored(right, met=met, surfels=old.surfels - 0.06 * old.images,
-                     images=images * old.images)
-    assert whole.improves(torn) is improves
-
-
-@pytest.mark.parametrize(("surfels", "images", "improves"), [
-    (0.09, 0.19, True),
-    (0.11, 0.15, False),  # shows the photos more, but lands surfels on nothing
-    (0.05, 0.21, False),
-    (0.10, 0.20, False),
-])
-def test_a_part_must_help_surfels_and_images(surfels, images, improves):
-    assert Scores(surfels, images).improves(Scores(0.10, 0.20)) is improves
+def test_what_is_judged_is_charged_for_its_parts_and_carriers(judge, right, look_alikes):
+    assert right.scores.parts == 2
+    alone = judge.judge(on_base(look_alikes.truth[:1]))
+    assert alone.scores.parts == 1
+    carried = replace(right, parents=(0, 1))
+    assert judge.judge(carried).scores.parts == 3, "what carries a part is told as well"

@@ -134,9 +134,8 @@ def test_what_hangs_on_a_pulled_out_floor_is_the_drawers_and_no_rooms_wall_is_th
     monkeypatch.setattr(claim_file, "_passing", lambda *_: np.zeros(costs.shape))
     monkeypatch.setattr(claim_file, "joined", lambda hard, *_: hard)
     joint = Joint(kind, np.array([1.0, 0.0, 0.0]), np.zeros(3), 1.0)
-    judge = SimpleNamespace(study=study, lands=None)
     start = on_base([joint], (np.arange(COUNT) >= 33).astype(np.int64))
-    hard, _ = claim(judge, start, STAYS)
+    hard, _ = claim(study, None, start, STAYS)
     assert not hard[:10].any()
     assert hard[20:].all()
     assert hard[18] == (kind == "prismatic")
@@ -144,19 +143,17 @@ def test_what_hangs_on_a_pulled_out_floor_is_the_drawers_and_no_rooms_wall_is_th
 
 def test_a_hidden_side_goes_with_the_part_it_hangs_on(slid) -> None:
     """A block slides; where both motions hide a surfel, its neighbours on the block decide."""
-    from part2gs_robotics.decide.judge import Judge
     from part2gs_robotics.evidence.graph import build_graph
-    from part2gs_robotics.evidence.guides import guides_of
+    from part2gs_robotics.evidence.landing import unclaimed
 
     pair = tuple(s.surfels for s in slid.states)
     lands = tuple(s.land for s in slid.states)
     graph = build_graph(pair)
     study = SimpleNamespace(surfels=pair, lands=lands, graph=graph, tau=0.03, diag=1.0,
-                            ways=ways_along(pair, graph), straight=guides_of([]))
+                            ways=ways_along(pair, graph))
     joint = Joint("prismatic", slid.axis, np.array([0.2, 0.3, 0.4]), slid.value)
-    judge = Judge(study)  # type: ignore[arg-type]
     start = on_base([joint], np.zeros(len(pair[0]) + len(pair[1]), np.int64))
-    hard, costs = claim(judge, start)
+    hard, costs = claim(study, tuple(map(unclaimed, lands)), start)
     own = np.concatenate([s.points[:, 2] > slid.block.lo[2] + 0.04 for s in pair])
     below = np.concatenate([s.points[:, 2] < slid.block.lo[2] - 0.04 for s in pair])
     assert hard[own].mean() > 0.99

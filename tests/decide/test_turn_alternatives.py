@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from part2gs_robotics.decide.candidate import INCOHERENT, on_base
+from part2gs_robotics.decide.candidate import PART, STRANGE, on_base
 from part2gs_robotics.decide.judge import NEAR, Judge
 from part2gs_robotics.decide.turn_alternatives import (
     LARGE,
@@ -89,12 +89,12 @@ def test_a_screw_is_no_joint_and_what_hardly_turns_is_a_slide():
 
 def test_a_hinge_in_the_air_costs_more_than_it_leaves(judge):
     right = judge.judge(on_base([TRUTH]))
-    assert right.scores.air == 0.0
-    assert right.cost == pytest.approx(right.scores.surfels + right.scores.images)
+    assert right.scores.strange == 0.0
+    assert right.cost == pytest.approx(right.scores.left + PART)
     wrong = joint_near(TRUTH.move @ se3.screw_motion(TRUTH.axis, MIDDLE, np.pi, 0.0), MIDDLE, 1.0)
     there = judge.judge(on_base([wrong]))
-    assert there.scores.air > 0.8
-    assert there.cost >= there.scores.surfels + there.scores.images + 0.8 * INCOHERENT
+    assert there.scores.strange > 0.8
+    assert there.cost >= there.scores.surfels + there.scores.images + 0.8 * STRANGE
 
 
 @pytest.mark.parametrize(("gap", "air"), [(0.9, 0.0), (1.5, 0.5), (3.0, 1.0)])
@@ -104,7 +104,7 @@ def test_the_air_grows_with_the_gap(judge, gap, air):
     hard[len(judge.study.surfels[0]):] = 0
     edge = judge.study.own(hard, 1)[0].points[:, 0].min()
     origin = np.array([edge - gap * NEAR * judge.study.diag, -0.03, 0.0])
-    assert judge.air([replace(TRUTH, origin=origin)], hard) == pytest.approx(air, abs=0.15)
+    assert judge.air([replace(TRUTH, origin=origin)], hard)[0] == pytest.approx(air, abs=0.15)
 
 
 def bar_on_a_board(toy, move, plain, high=0.2):
@@ -130,7 +130,7 @@ HALF_TURN = Joint("revolute", np.array([0.0, 0, 1]), np.array([0.475, 0.375, 0.2
 def test_a_plain_bar_slides_rather_than_turns_end_for_end(toy, pool, steps):
     judge = bar_on_a_board(toy, SLIDE.move, plain=True)
     turned, slid = judge.judge(on_base([HALF_TURN])), judge.judge(on_base([SLIDE]))
-    assert abs(turned.cost - slid.cost) < 0.05 * slid.cost  # the photos hardly tell
+    assert abs(turned.cost - slid.cost) < 0.07 * slid.cost  # the photos hardly tell
     found, = calmed(judge, turned, pool).motions
     assert len(steps()) == 1
     assert found.kind == "prismatic"

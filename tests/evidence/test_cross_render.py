@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -9,6 +11,7 @@ from part2gs_robotics.evidence.cross_render import (
     FAR_SIDE_COST,
     both_cost,
     cross_cost,
+    floor_of,
     move_gaussians,
 )
 from part2gs_robotics.evidence.light import Light
@@ -59,7 +62,9 @@ def test_paint_of_a_side_that_was_not_seen_is_no_evidence(block):
     wrong = 1.0 - gaussians.colors
 
     def cost(colors, normals):
-        return cross_cost(gaussians, labels, still, views, colors, normals)
+        moved = move_gaussians(gaussians, labels, still)
+        moved = moved if colors is None else replace(moved, colors=colors)
+        return cross_cost(moved, views, normals)
 
     seen, plain = (cost(gaussians.colors, n) for n in (normals, None))
     assert seen == pytest.approx(plain, abs=0.03)  # edges show a little of the next side
@@ -82,11 +87,30 @@ def test_both_directions_add_up_and_a_weightless_one_is_left_out(moved):
     gaussians, labels, move, states = moved
     views = small_views(states[0], 3, 48), small_views(states[1], 3, 48)
     moves, back = [np.eye(4), move], [np.eye(4), se3.inverse(move)]
-    there = cross_cost(gaussians[0], labels[0], moves, views[1])
-    home = cross_cost(gaussians[1], labels[1], back, views[0])
+    there = cross_cost(move_gaussians(gaussians[0], labels[0], moves), views[1])
+    home = cross_cost(move_gaussians(gaussians[1], labels[1], back), views[0])
     both = both_cost(gaussians, labels, moves, views, (0.3, 0.7))
     assert both == pytest.approx(0.3 * there + 0.7 * home)
     assert both_cost(gaussians, labels, moves, views, (1.0, 0.0)) == pytest.approx(there)
+
+
+def test_what_a_state_leaves_in_its_own_photos_is_charged_to_no_motion(moved):
+    gaussians, labels, move, states = moved
+    views = small_views(states[0], 6, SIDE), small_views(states[1], 6, SIDE)
+    net = tuple(replace(v, floor=floor_of(g, v)) for g, v in zip(gaussians, views, strict=True))
+    assert net[1].floor.shape == views[1].alphas.shape
+    here = cross_cost(gaussians[1].splats, views[1])
+    assert here == pytest.approx(float(net[1].floor.sum()) / float(views[1].alphas.sum()), rel=1e-5)
+    assert cross_cost(gaussians[1].splats, net[1]) == 0.0
+
+    def cost(scale, views):
+        there = se3.make(np.eye(3), scale * move[:3, 3])
+        return both_cost(gaussians, labels, [np.eye(4), there], views, (0.5, 0.5))
+
+    assert 0.0 < cost(1.0, net) < 0.5 * cost(1.0, views), "most at the truth is a halo"
+    worse = cost(0.8, views) - cost(1.0, views)
+    assert cost(0.8, net) - cost(1.0, net) > 0.8 * worse
+    assert net[1].select([2, 0]).floor.shape == (2, *net[1].floor.shape[1:])
 
 
 def test_only_the_part_moves_and_it_turns_with_its_motion(moved):
@@ -102,8 +126,6 @@ def test_only_the_part_moves_and_it_turns_with_its_motion(moved):
 
 
 def test_small_views_are_spread_training_views_with_scaled_cameras(moved):
-    from dataclasses import replace
-
     state = replace(moved[3][0], held_out=np.arange(10) == 0)
     small = small_views(state, 4, SIDE // 2)
     assert small.colors.shape == (4, SIDE // 2, SIDE // 2, 3)

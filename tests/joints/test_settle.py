@@ -60,7 +60,7 @@ def test_one_joint_is_aligned_and_its_labels_follow(judge, photos, true_joints, 
     true = on_base(true_joints[:1], labels_of(judge, true_joints[:1]))
     start = true.swapped(0, off(true_joints[0], degrees, share * judge.study.diag))
     found = settle(judge, start, photos, ArticulateConfig())
-    right, _ = claim(judge, true)
+    right, _ = claim(judge.study, judge.lands, true)
     assert (found.labels == right).mean() > 0.98
     before = image_cost(judge, start, photos)  # walls and edges draw as well, a little
     after = image_cost(judge, replace(found, labels=true.labels), photos)
@@ -109,7 +109,8 @@ def test_alignment_is_made_again_where_a_joint_is_not_held(
 
     monkeypatch.setattr(settle_file, "_final", losing)
     start = judge.judge(on_base(true_joints))
-    found = _aligned(judge, start, photos.sharp, ArticulateConfig())
+    wrong = replace(start, labels=np.where(start.labels == 2, 0, start.labels))
+    found = _aligned(judge, wrong, photos.sharp, ArticulateConfig())
     assert len(calls) == 2
     assert [_held(j) for j in found] == [True, second_holds]
     assert miss(judge, found, true_joints) < 0.002
