@@ -1,0 +1,137 @@
+"""Ask of every object at which step its parts are lost, and put the table into docs.
+
+    python benchmarks/ladder.py --work FOLDER [FOLDER ...] [--objects NAME ...]
+
+Every FOLDER holds scenes and builds that the benchmark kit's suite made; their fits are used, and
+the motions are searched and decided on anew by this code. Four steps, from the same two fits:
+labels (of the surfels, under the true motions), cost (of the true motions beside other answers),
+search (how near the pool comes to each true motion) and what is decided. Without --work the table
+of docs/ladder.md is made anew from benchmarks/results/ladder.json.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from ladder_truth import Known, iou, known
+from reconstruction_suite import git, insert
+
+from part2gs_robotics.articulate import found_motions
+from part2gs_robotics.config import ArticulateConfig
+from part2gs_robotics.decide.candidate import PART, Candidate
+from part2gs_robotics.decide.judge import Judge
+from part2gs_robotics.model import se3
+from part2gs_robotics.model.joint import Joint
+
+ROOT = Path(__file__).resolve().parents[1]
+RESULTS, PAGE = ROOT / "benchmarks/results/ladder.json", ROOT / "docs/ladder.md"
+MARKS = "<!-- ladder:begin -->", "<!-- ladder:end -->"
+NEAR, SHARED = 0.03, 0.3  # of the diagonal, and IoU: a motion further off is not the true part's
+
+
+def main() -> int:
+    """Climb the ladder of what is there, store the numbers, and write the table."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--work", type=Path, nargs="+", default=[], help="folders of the suite")
+    parser.add_argument("--objects", nargs="+", help="only these")
+    args = parser.parse_args()
+    rows = {r["object"]: r for r in json.loads(RESULTS.read_text())} if RESULTS.exists() else {}
+    for work in args.work:
+        for fit in sorted(work.glob("runs/*/*/stages/02_fit_1/manifest.json")):
+            out = fit.parents[2]
+            if args.objects and out.name not in args.objects:
+                continue
+            scene = work / "scenes" / out.parent.name / out.name
+            rows[out.name] = climbed(known(out.name, out, scene))
+            RESULTS.write_text(json.dumps([rows[n] for n in sorted(rows)], indent=1) + "\n")
+    if not rows:
+        sys.stderr.write(f"{RESULTS}: not there yet. Expected an earlier run; give --work.\n")
+        return 2
+    table = markdown([rows[name] for name in sorted(rows)])
+    PAGE.write_text(insert(PAGE.read_text(), table, *MARKS))
+    sys.stdout.write(table)
+    return 0
+
+
+def climbed(case: Known) -> dict[str, Any]:
+    """Return the row of one object."""
+    began = time.monotonic()
+    found = found_motions(case.both, ArticulateConfig())
+    seconds = time.monotonic() - began
+    judge, decided = found.judge, found.candidate
+    true = case.labels(judge.study.surfels)
+    truth = judge.polished(judge.judge(case.candidate))
+    free = [k for k in range(len(truth)) if k + 1 not in truth.parents]
+    less = [judge.polished(judge.judge(truth.without(k))) for k in free if len(truth) > 1]
+    more = judge.polished(judge.best_of([truth.plus(h) for h in found.pool]))
+    shares = labels_right(judge, truth, true)
+    return {
+        "object": case.name, "commit": git("rev-parse", "--short", "HEAD"), "parts": len(truth),
+        "miou": round(float(shares.mean()), 3), "worst": round(float(shares.min()), 3),
+        "answer": round(decided.cost - truth.cost, 4),
+        "least_true": round(min((c.cost - truth.cost for c in less), default=float("nan")), 4)
+        if less else None,
+        "best_false": round(more.cost - truth.cost, 4),
+        "pool": [round(100 * nearest(h, case.own(k), found.pool) / judge.study.diag, 2)
+                 for k, h in enumerate(truth.motions)],
+        "decided": len(decided), "right": right(judge, decided, case, true),
+        "built": case.parts_built, "seconds": round(seconds, 1)}  # fmt: skip
+
+
+def labels_right(judge: Judge, found: Candidate, true: np.ndarray) -> np.ndarray:
+    """Return [K + 1] IoU of every label, mean of both states."""
+    first, count = len(judge.study.surfels[0]), len(found) + 1
+    pairs = zip(np.split(found.labels, [first]), np.split(true, [first]), strict=True)
+    return np.asarray(np.mean([iou(own, there, count) for own, there in pairs], axis=0))
+
+
+def nearest(h: Joint, points: np.ndarray, pool: Sequence[Joint]) -> float:
+    """Return how far from its place the best of a pool carries a part, on average."""
+    there = se3.apply(h.move, points)
+    return min((float(np.linalg.norm(se3.apply(p.move, points) - there, axis=1).mean())
+                for p in pool), default=float("inf"))
+
+
+def right(judge: Judge, decided: Candidate, case: Known, true: np.ndarray) -> int:
+    """Return how many true parts have a motion of their own that carries them to their place."""
+    taken: set[int] = set()
+    for k, h in enumerate(case.candidate.motions):
+        gaps = [nearest(h, case.own(k), [g]) / judge.study.diag for g in decided.motions]
+        both = [((decided.labels == n + 1) & (true == k + 1)).sum()
+                / max(((decided.labels == n + 1) | (true == k + 1)).sum(), 1)
+                for n in range(len(decided))]
+        fits = [n for n in range(len(decided)) if n not in taken and gaps[n] < NEAR
+                and both[n] > SHARED]
+        if fits:
+            taken.add(min(fits, key=lambda n: gaps[n]))
+    return len(taken)
+
+
+def markdown(rows: list[dict[str, Any]]) -> str:
+    """Return the table, and how many objects pass every step."""
+    exact = [r for r in rows if r["right"] == r["decided"] == r["parts"]]
+    parts, decided, found = (sum(r[key] for r in rows) for key in ("parts", "decided", "right"))
+    lines = [f"{len(exact)} of {len(rows)} objects are decided right, {found} of {parts} parts, "
+             f"{decided - found} false. Margins in prices of a part ({PART}).", "",
+             "| object | labels: mIoU, worst | cost: answer | a true part less | a false one more "
+             "| search: pool, % | decided, right of true | s | commit |",
+             "|---|---|---|---|---|---|---|---|---|"]
+    for r in rows:
+        less = "-" if r["least_true"] is None else f"{r['least_true'] / PART:+.1f}"
+        pool = ", ".join(f"{p:.1f}" for p in r["pool"])
+        lines.append(f"| {r['object']} | {r['miou']:.2f}, {r['worst']:.2f} | "
+                     f"{r['answer'] / PART:+.1f} | {less} | {r['best_false'] / PART:+.1f} | "
+                     f"{pool} | {r['decided']}, {r['right']} of {r['parts']} | {r['seconds']:.0f} "
+                     f"| {r['commit']} |")
+    return "\n".join(lines) + "\n"
+
+
+if __name__ == "__main__":
+    sys.exit(main())
