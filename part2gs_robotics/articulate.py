@@ -31,7 +31,7 @@ from part2gs_robotics.model.motion import Motion
 from part2gs_robotics.model.scene import Scene
 from part2gs_robotics.model.small_views import both_small
 from part2gs_robotics.paper.pull import part_diagnostics, physical_steps
-from part2gs_robotics.search.pool import find_pool
+from part2gs_robotics.search.pool import find_more, find_pool
 
 logger = logging.getLogger(__name__)
 MIN_EVIDENCE = 0.004  # of all surfels: less is noise, nothing moved
@@ -81,10 +81,12 @@ def found_motions(both: Canonical, config: ArticulateConfig, progress: Progress 
     study = gather(both, search)
     moved = _require_moved(study, both.scene)
     clock.tick("evidence", 1)
-    pool = find_pool(study, np.random.default_rng(config.seed), moved, search)
+    rng = np.random.default_rng(config.seed)
+    pool = find_pool(study, rng, moved, search)
     clock.tick("search", 2)
     judge = Judge(study)
-    candidate, short = decide(judge, pool, config.parts, search.swap)
+    candidate, short = decide(judge, pool, config.parts, search.swap,
+                              lambda left: find_more(study, left, rng, search))
     _require_parts(candidate, both.scene)
     clock.tick("decision", 3, len(candidate))
     return Found(judge, candidate, pool, short, clock)

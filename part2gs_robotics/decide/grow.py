@@ -12,15 +12,17 @@ from part2gs_robotics.decide.screws import risen
 from part2gs_robotics.decide.split import halved, in_pieces
 from part2gs_robotics.decide.tune_slides import tune
 from part2gs_robotics.decide.turn_alternatives import calmed, lessened, righted
+from part2gs_robotics.evidence.surfaces import Evidence
 from part2gs_robotics.model.joint import Joint
 
+Search = Callable[[Evidence], list[Joint]]
 logger = logging.getLogger(__name__)
 HOPE = 3.0  # prices: lengths of look-alike slides are off until tuned, which saved up to that
 FEW = 2  # sets that images see where most of what is tried is hopeless
 
 
 def decide(judge: Judge, pool: Sequence[Joint], parts: int | None, swap: bool = True,
-           ) -> tuple[Candidate, bool]:
+           again: Search | None = None) -> tuple[Candidate, bool]:
     """Return the set of motions that costs least of all that were tried.
 
     Args:
@@ -28,6 +30,7 @@ def decide(judge: Judge, pool: Sequence[Joint], parts: int | None, swap: bool = 
         pool: motions to choose from.
         parts: number of moving parts if known; then its price is not asked.
         swap: whether earlier motions are replaceable.
+        again: finds more motions from what a set leaves unexplained; None = no second search.
 
     Returns:
         The candidate, and whether one motion more would pay though their number was given.
@@ -36,6 +39,10 @@ def decide(judge: Judge, pool: Sequence[Joint], parts: int | None, swap: bool = 
     logger.info("decide: nothing moves: cost %.4f", best.cost)
     if parts is None:
         best = lowered(judge, best, pool, swap)
+        more = again(judge.unexplained(best)) if again and len(best) else []
+        if more:
+            pool = [*pool, *more]
+            best = lowered(judge, best, pool, swap)
     while pool and parts is not None and len(best) < parts:
         best = _one_more(judge, best, pool)
         if swap and len(best) > 1:

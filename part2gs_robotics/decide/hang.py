@@ -14,7 +14,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from part2gs_robotics.decide.candidate import PART, Candidate
-from part2gs_robotics.decide.judge import NEAR, SLOW, Judge, arm_of
+from part2gs_robotics.decide.judge import NEAR, SLOW, UNEXPLAINED, Judge, arm_of
 from part2gs_robotics.decide.labelling import EVEN
 from part2gs_robotics.decide.leave_out import joint_of, thinned
 from part2gs_robotics.evidence.faces import directions
@@ -29,7 +29,6 @@ from part2gs_robotics.search.patches import Aim, search_patch
 from part2gs_robotics.search.refine import refine
 
 logger = logging.getLogger(__name__)
-UNEXPLAINED = 0.5  # landing cost: halfway from an unobserved place to one seen empty
 LEAST_LEFT = 0.01  # of a carrier's surfels: small carried parts leave more, noise of rims less
 SEEDS = 6  # patches of what is left: a carried part is a small thing
 GUESSES = 6  # motions of each patch that are refined

@@ -22,6 +22,7 @@ from part2gs_robotics.decide.made_joints import askew, crooked, square
 from part2gs_robotics.evidence.cross_render import both_cost
 from part2gs_robotics.evidence.landing import unclaimed
 from part2gs_robotics.evidence.study import Study
+from part2gs_robotics.evidence.surfaces import Evidence
 from part2gs_robotics.evidence.surfels import Surfels, at_home
 from part2gs_robotics.model import se3
 from part2gs_robotics.model.arrays import F64, Labels
@@ -30,6 +31,7 @@ from part2gs_robotics.runtime.side_by_side import side_by_side
 from part2gs_robotics.search.refine import refine
 
 SLOW = 0.05  # of the diagonal: bent depth looks like parts that move less (seen: 4.3 %)
+UNEXPLAINED = 0.5  # landing cost: halfway from an unobserved place to one seen empty
 MIN_SURFELS = 25  # in either state: less is the size of a floater
 NEAR = 0.05  # of the diagonal: hinges of eleven scenes pass their parts by 0.036 at most
 SORTED = 10  # sets per step, the best by a rough labelling, that are labelled to the end
@@ -152,6 +154,12 @@ class Judge:
         arms = np.array([arm_of(h, self.study.own(hard, k + 1)) if h.turns else 0.0
                          for k, h in enumerate(motions)]) / self.study.diag
         return np.where(np.isfinite(arms), np.clip(arms / NEAR - 1.0, 0.0, 1.0), 0.0)
+
+    def unexplained(self, found: Candidate) -> Evidence:
+        """Return the surfels that a judged candidate carries to where nothing like them is."""
+        poor = self.costs(found.motions, found.labels) > UNEXPLAINED
+        return Evidence(*(s.select(own) for s, own in zip(
+            self.study.surfels, np.split(poor, [len(self.study.surfels[0])]), strict=True)))
 
     def way(self, found: Candidate, k: int) -> float | None:
         """Return how far motion k moves its surfels on average, scene units; None without any."""

@@ -89,6 +89,13 @@ class Study:
         return Clues(self.guides, part_edges(self.segments, self.maps, self.gaussians, labels,
                                              count))
 
+    def looking_at(self, evidence: Evidence) -> Study:
+        """Return the study with other evidence; what was gathered once is not gathered again."""
+        new = replace(self, evidence=evidence)
+        known = ("straight", "guides", "ways")
+        vars(new).update({name: vars(self)[name] for name in known if name in vars(self)})
+        return new
+
     @property
     def tau(self) -> float:
         """Matching distance in scene units."""

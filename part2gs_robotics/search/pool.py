@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import logging
+from dataclasses import replace
 
 import numpy as np
 
 from part2gs_robotics.config import SearchConfig
 from part2gs_robotics.evidence.study import Study
+from part2gs_robotics.evidence.surfaces import Evidence
 from part2gs_robotics.model.joint import Joint
 from part2gs_robotics.search.cover import choose, propose
 from part2gs_robotics.search.snap import distinct, slide_families, snapped
@@ -17,6 +19,26 @@ logger = logging.getLogger(__name__)
 SHARE_0 = 8 / 22  # of the patches in state 0: the open state shows more of what moved
 POOL_PRICE = 0.004  # of the evidence: what a hypothesis must explain to enter the competition
 POOL_TOP = 12  # hypotheses that are also tried on the object's own directions
+
+
+LEFT = 3  # times fewer patches where a set of motions has explained most
+
+
+def find_more(study: Study, left: Evidence, rng: np.random.Generator, search: SearchConfig,
+              ) -> list[Joint]:
+    """Return motions that may explain what a set of motions leaves.
+
+    What one part leaves is not seen by a search that ranks patches of all of them together.
+
+    Args:
+        study: both states.
+        left: surfels of both states that the set does not explain.
+        rng: picks patches.
+        search: how closely to look.
+    """
+    count = sum(map(len, left.sets))
+    few = replace(search, patches=max(search.patches // LEFT, 1))
+    return find_pool(study.looking_at(left), rng, count, few) if count else []
 
 
 def find_pool(

@@ -8,6 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from part2gs_robotics.config import SearchConfig
 from part2gs_robotics.decide.candidate import PART, on_base
 from part2gs_robotics.decide.grow import decide, lowered
 from part2gs_robotics.decide.judge import Judge
@@ -15,6 +16,7 @@ from part2gs_robotics.evidence.graph import build_graph
 from part2gs_robotics.evidence.guides import guides_of
 from part2gs_robotics.model import se3
 from part2gs_robotics.model.joint import Joint
+from part2gs_robotics.search.pool import find_more
 
 pytestmark = pytest.mark.usefixtures("one_numba_thread")
 X, Y, Z = np.eye(3)
@@ -118,6 +120,39 @@ def test_the_search_goes_on_from_any_set(judge, right, look_alikes):
         assert sorted(h.value for h in found.motions) == pytest.approx([0.2, 0.3], abs=0.01)
     assert lowered(judge, right, pool) is right
     assert lowered(judge, right, []) is right
+
+
+def test_what_a_set_leaves_is_searched_again(judge, look_alikes):
+    """Of two blocks the pool knows one; what it leaves is the other, in both states."""
+    first, second = look_alikes.truth
+    asked = []
+
+    def again(left):
+        asked.append(left)
+        return [second]
+
+    found, _ = decide(judge, [first], None, again=again)
+    assert sorted(h.value for h in found.motions) == pytest.approx([0.2, 0.3], abs=0.005)
+    left, = asked
+    other = [look_alikes.study.own(judge.judge(on_base(look_alikes.truth)).labels, 2)[s].points
+             for s in (0, 1)]
+    for own, points in zip(left.sets, other, strict=True):
+        assert len(own) > 20
+        gaps = np.linalg.norm(own.points[:, None] - points[None], axis=2).min(1)
+        assert np.median(gaps) < 0.05
+    assert len(decide(judge, [first], None)[0]) == 1
+
+
+def test_more_is_found_in_what_is_left(judge, look_alikes):
+    first, second = look_alikes.truth
+    alone = judge.judge(on_base([first]))
+    more = find_more(judge.study, judge.unexplained(alone), np.random.default_rng(0),
+                     SearchConfig())
+    gaps = [np.linalg.norm(h.move[:3, 3] - second.move[:3, 3]) for h in more if not h.turns]
+    assert min(gaps) < 0.02
+    explained = judge.unexplained(alone)
+    none = type(explained)(*(s.select(np.zeros(0, np.int64)) for s in explained.sets))
+    assert find_more(judge.study, none, np.random.default_rng(0), SearchConfig()) == []
 
 
 def test_two_are_found_where_neither_pays_alone(judge, look_alikes, monkeypatch):

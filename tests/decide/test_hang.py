@@ -8,15 +8,8 @@ import numpy as np
 import pytest
 
 from part2gs_robotics.decide.candidate import on_base
-from part2gs_robotics.decide.hang import (
-    UNEXPLAINED,
-    _beside,
-    _polished,
-    _rehung,
-    _swaps_sides,
-    hang,
-)
-from part2gs_robotics.decide.judge import Judge
+from part2gs_robotics.decide.hang import _beside, _polished, _rehung, _swaps_sides, hang
+from part2gs_robotics.decide.judge import UNEXPLAINED, Judge
 from part2gs_robotics.decide.leave_out import joint_of
 from part2gs_robotics.evidence.surfels import Surfels
 from part2gs_robotics.joints.settle import aligned
