@@ -122,36 +122,37 @@ def test_the_search_goes_on_from_any_set(judge, right, look_alikes):
     assert lowered(judge, right, []) is right
 
 
-def test_what_a_set_leaves_is_searched_again(judge, look_alikes):
-    """Of two blocks the pool knows one; what it leaves is the other, in both states."""
-    first, second = look_alikes.truth
+def test_what_a_set_leaves_is_searched_again(judge, right, look_alikes):
     asked = []
 
     def again(left):
         asked.append(left)
-        return [second]
+        return list(look_alikes.truth)
 
-    found, _ = decide(judge, [first], None, again=again)
+    found, _ = decide(judge, [WRONG["between"]], None, again=again)
     assert sorted(h.value for h in found.motions) == pytest.approx([0.2, 0.3], abs=0.005)
-    left, = asked
-    other = [look_alikes.study.own(judge.judge(on_base(look_alikes.truth)).labels, 2)[s].points
-             for s in (0, 1)]
-    for own, points in zip(left.sets, other, strict=True):
+    assert found.cost == pytest.approx(right.cost, abs=PART)
+    assert len(asked) == 1
+
+
+def test_what_nothing_explains_is_what_moved(judge, right):
+    none = judge.judge(on_base([]))
+    left, less = judge.unexplained(none), judge.unexplained(right)
+    moved = [judge.study.own(np.minimum(right.labels, 1), 1)[s].points for s in (0, 1)]
+    for own, rest, points in zip(left.sets, less.sets, moved, strict=True):
         assert len(own) > 20
+        assert len(rest) < 0.3 * len(own)
         gaps = np.linalg.norm(own.points[:, None] - points[None], axis=2).min(1)
-        assert np.median(gaps) < 0.05
-    assert len(decide(judge, [first], None)[0]) == 1
+        assert (gaps < 1e-9).mean() > 0.8
 
 
 def test_more_is_found_in_what_is_left(judge, look_alikes):
-    first, second = look_alikes.truth
-    alone = judge.judge(on_base([first]))
-    more = find_more(judge.study, judge.unexplained(alone), np.random.default_rng(0),
-                     SearchConfig())
-    gaps = [np.linalg.norm(h.move[:3, 3] - second.move[:3, 3]) for h in more if not h.turns]
-    assert min(gaps) < 0.02
-    explained = judge.unexplained(alone)
-    none = type(explained)(*(s.select(np.zeros(0, np.int64)) for s in explained.sets))
+    left = judge.unexplained(judge.judge(on_base([])))
+    more = find_more(judge.study, left, np.random.default_rng(0), SearchConfig())
+    slides = [h.move[:3, 3] for h in more if not h.turns]
+    for true in look_alikes.truth:
+        assert min(np.linalg.norm(way - true.move[:3, 3]) for way in slides) < 0.02
+    none = type(left)(*(s.select(np.zeros(0, np.int64)) for s in left.sets))
     assert find_more(judge.study, none, np.random.default_rng(0), SearchConfig()) == []
 
 
