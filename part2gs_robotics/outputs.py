@@ -24,7 +24,7 @@ from part2gs_robotics.model.twin import Twin
 from part2gs_robotics.plan import Plan
 from part2gs_robotics.report.report_json import ReportData, write_report
 from part2gs_robotics.runtime.atomic import replace_files, write_text_atomic
-from part2gs_robotics.sim_checks.result import CheckReport
+from part2gs_robotics.sim_checks.result import CheckReport, CheckResult
 from part2gs_robotics.stages import Fitted
 
 
@@ -74,9 +74,16 @@ def write_outputs(folder: Path, out: Path, result: BuildResult) -> tuple[CheckRe
     write_text_atomic(folder / "config.yaml",
                       yaml.safe_dump(to_dict(result.config), sort_keys=False))
     _write_gaussians(folder, result)
-    report = replace(check(folder, steps=result.config.check.sweep_values), path=str(out))
+    checked = check(folder, steps=result.config.check.sweep_values)
+    report = with_failed(replace(checked, path=str(out)), result.motion)
     write_report(folder, _told(result, report))
     return report, _summary(out, twin, report)
+
+
+def with_failed(report: CheckReport, motion: Motion) -> CheckReport:
+    """Return the checks with a failing row for every part that could not be built."""
+    rows = tuple(CheckResult("part built", "", "fail", detail=note) for note in motion.failed)
+    return replace(report, results=(*report.results, *rows))
 
 
 def _told(result: BuildResult, report: CheckReport) -> ReportData:

@@ -1,4 +1,4 @@
-"""Real parts: a motion that leaves no solid is no part of a twin."""
+"""Real parts: a motion that leaves no solid fails for its part, not for the whole twin."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from part2gs_robotics.config import MeshConfig
 from part2gs_robotics.errors import EmptyPartError
 from part2gs_robotics.mesh.build_parts import build_parts
 from part2gs_robotics.model.gaussians import Gaussians
-from part2gs_robotics.model.motion import Motion, without_part
+from part2gs_robotics.model.motion import FAILED, Motion, without_part
 from part2gs_robotics.model.scene import Scene
 from part2gs_robotics.model.twin import Part
 
@@ -23,11 +23,10 @@ def build_existing(scene: Scene, gaussians: tuple[Gaussians, Gaussians], motion:
                    config: MeshConfig) -> tuple[Motion, tuple[Part, ...]]:
     """Build the parts that have a solid; see `build_parts`.
 
-    A part without one is left out with a note: a motion that explains a few surfels by chance is no
-    part of a twin.
+    A part without one fails: its joint is told in a note, and the build ends with exit code 1.
 
     Returns:
-        The motion without parts that were left out, and its parts.
+        The motion without parts that failed, and its parts.
 
     Raises:
         MeshError: the base, the last moving part, or a part that carries another has no solid.
@@ -41,8 +40,17 @@ def build_existing(scene: Scene, gaussians: tuple[Gaussians, Gaussians], motion:
             alone = len(motion.joints) == 1 or err.part == 0 or err.part in motion.parents
             if alone:
                 raise
-            logger.warning("left out: %s", err)
-            motion = without_part(motion, err.part, f"A motion was left out as no part. {err}")
+            note = f"{FAILED} {err} {_told(motion, err.part)}"
+            logger.warning("%s", note)
+            motion = without_part(motion, err.part, note)
+
+
+def _told(motion: Motion, part: int) -> str:
+    """Return the joint of a part, which the twin has not, as a sentence; in internal units."""
+    joint = motion.joints[part - 1]
+    axis, origin = (", ".join(f"{x:.6g}" for x in v) for v in (joint.axis, joint.origin))
+    return (f"Its joint, in internal units: {joint.kind}, axis [{axis}], origin [{origin}], "
+            f"{joint.value:.6g} between the states.")
 
 
 def require_bodies(parts: tuple[Part, ...], gaussians: tuple[Gaussians, Gaussians],

@@ -9,6 +9,8 @@ from numpy.typing import NDArray
 
 from part2gs_robotics.model.joint import Joint
 
+FAILED = "Failed for a part:"  # begins the note of a part that was decided on but not built
+
 
 @dataclass(frozen=True)
 class Motion:
@@ -28,6 +30,11 @@ class Motion:
     diagnostics: tuple[dict[str, float], ...] = ()
     notes: tuple[str, ...] = ()
     seconds: dict[str, float] = field(default_factory=dict)
+
+    @property
+    def failed(self) -> tuple[str, ...]:
+        """What is said of parts that were decided on, but of which nothing could be built."""
+        return tuple(note for note in self.notes if note.startswith(FAILED))
 
     def labels(self, state: int) -> NDArray[np.int64]:
         """Return [N_s] the most likely part of every Gaussian of a state."""

@@ -12,10 +12,12 @@ from part2gs_robotics.mesh.real_parts import build_existing, require_bodies
 from part2gs_robotics.model.gaussians import SH_C0, Gaussians
 from part2gs_robotics.model.grid import Grid
 from part2gs_robotics.model.joint import Joint
-from part2gs_robotics.model.motion import Motion, without_part
+from part2gs_robotics.model.motion import FAILED, Motion, without_part
 from part2gs_robotics.model.scene import Scene, StateViews
 from part2gs_robotics.model.se3 import apply, inverse, screw_motion
 from part2gs_robotics.model.solids import defect, to_manifold
+from part2gs_robotics.outputs import with_failed
+from part2gs_robotics.sim_checks.result import CheckReport, CheckResult
 from part2gs_robotics.volume.carve import Solid
 from part2gs_robotics.volume.fuse import TRUNCATION, Fused
 from part2gs_robotics.volume.grid_solids import _out_of_the_way
@@ -150,7 +152,7 @@ def test_a_part_without_volume_is_refused_with_its_name():
         build_parts(scene, (inside[0], inside[1]), still, MeshConfig(resolution=32))
 
 
-def test_a_part_without_volume_is_left_out_with_a_note():
+def test_a_part_without_volume_fails_with_a_note_that_tells_its_joint():
     """Two Gaussians deep inside the chest are said to slide: the lid is all that is built."""
     scene, gaussians, motion = two_states([CHEST, LID], [HINGE])
     probs = []
@@ -165,9 +167,23 @@ def test_a_part_without_volume_is_left_out_with_a_note():
     assert [p.name for p in parts] == ["base", "part_1"]
     assert left.joints == motion.joints
     assert left.notes[0] == "before"
+    assert left.notes[1].startswith(FAILED)
     assert "part_2: its volume is 0" in left.notes[1]
+    assert "prismatic" in left.notes[1]
+    assert "0.05 between the states" in left.notes[1]
+    assert left.failed == left.notes[1:]
+    assert motion.failed == ()
     assert left.part_probs[0].shape == (len(gaussians[0]), 2)
     np.testing.assert_array_equal(left.part_probs[0][:2], [[1, 0], [1, 0]])
+
+
+def test_a_part_that_was_not_built_fails_the_build():
+    report = CheckReport("twin", "engine", (CheckResult("overlap", "", "pass"),))
+    told = Motion((np.ones((1, 1)), np.ones((1, 1))), (), (), notes=("said", f"{FAILED} why."))
+    failed = with_failed(report, told)
+    assert (report.exit_code, failed.exit_code) == (0, 1)
+    assert [(r.name, r.detail) for r in failed.results[1:]] == [("part built", f"{FAILED} why.")]
+    assert with_failed(report, replace(told, notes=("said",))) == report
 
 
 def test_a_crumb_is_no_part():
