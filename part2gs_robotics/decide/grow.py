@@ -18,7 +18,7 @@ from part2gs_robotics.model.joint import Joint
 Search = Callable[[Evidence], list[Joint]]
 logger = logging.getLogger(__name__)
 HOPE = 3.0  # prices: lengths of look-alike slides are off until tuned, which saved up to that
-FEW = 2  # sets that images see where most of what is tried is hopeless
+FEW = 1  # sets that images see where most of what is tried is hopeless
 
 
 def decide(judge: Judge, pool: Sequence[Joint], parts: int | None, swap: bool = True,
@@ -40,9 +40,9 @@ def decide(judge: Judge, pool: Sequence[Joint], parts: int | None, swap: bool = 
     if parts is None:
         best = lowered(judge, best, pool, swap)
         more = again(judge.unexplained(best)) if again and len(best) else []
-        if more:
+        if more and (new := _cheapest(judge, best, more, swap)).cost < best.cost:
             pool = [*pool, *more]
-            best = lowered(judge, best, pool, swap)
+            best = lowered(judge, new, pool, swap)
     while pool and parts is not None and len(best) < parts:
         best = _one_more(judge, best, pool)
         if swap and len(best) > 1:
@@ -96,6 +96,12 @@ def _cheaper(judge: Judge, best: Candidate, pool: Sequence[Joint], swap: bool,
             return name, new
     logger.info("decide: one more: %.4f dearer", grown.cost - best.cost)
     return "", best
+
+
+def _cheapest(judge: Judge, best: Candidate, pool: Sequence[Joint], swap: bool) -> Candidate:
+    """Return the best of a set with one motion more, or another in the place of one."""
+    grown = _finished(judge, _one_more(judge, best, pool), best)
+    return min(grown, _swapped(judge, best, pool), key=lambda c: c.cost) if swap else grown
 
 
 def _one_more(judge: Judge, best: Candidate, pool: Sequence[Joint]) -> Candidate:

@@ -35,7 +35,7 @@ UNEXPLAINED = 0.5  # landing cost: halfway from an unobserved place to one seen 
 MIN_SURFELS = 25  # in either state: less is the size of a floater
 NEAR = 0.05  # of the diagonal: hinges of eleven scenes pass their parts by 0.036 at most
 SORTED = 10  # sets per step, the best by a rough labelling, that are labelled to the end
-SHOWN = 3  # sets per step, the best by surfels, whose labels are claimed and rendered
+SHOWN = 2  # sets per step, the best by surfels, whose labels are claimed and rendered
 
 
 def arm_of(h: Joint, own: tuple[Surfels, Surfels]) -> float:
