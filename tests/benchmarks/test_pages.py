@@ -21,6 +21,7 @@ TABLES = {
     ("docs/judges.md", "judges"): ("judges", "judges", "table"),
     ("docs/geometry.md", "geometry"): ("geometry", "geometry_tables", "markdown"),
     ("docs/geometry.md", "pieces"): ("pieces", "pieces", "markdown"),
+    ("docs/ladder.md", "ladder"): ("ladder", "ladder", "markdown"),
     ("docs/masks.md", "masks"): ("masks", "masks", "table"),
 }
 OWN = {"solids": "solids", "simulators": "simulators", "states": "other_states"}
