@@ -178,8 +178,8 @@ def _settled(judge: Judge, found: Candidate, photos: Photos, config: ArticulateC
              pool: Sequence[Joint]) -> Candidate:
     """Return the joints settled, with parts that other parts carry, aligned to the images.
 
-    A part that does not pay once joints are settled is left out, what it leaves is searched once
-    more, and the others settle again.
+    A part that does not pay once joints are settled is left out, motions of the pool compete for
+    its place, and the others settle again.
 
     Args:
         judge: of the study.

@@ -58,7 +58,7 @@ def claim(study: Study, lands: Lands, found: Candidate, stays: float = 0.0) -> t
             slides = np.array([False, *(j.kind == "prismatic" for j in found.motions)])
             cores |= _cores(_gone(costs, extra, hard) & slides, study.graph)
         extra = _far(cores, study.ways, study.diag, stays)
-        if turn:  # half of the time, and the second proofs are better
+        if turn:  # asked once: it takes more than all the rest
             extra += _passing(study, costs, proofs, found)
         hard, _ = label(Unary(unary.match, unary.target, unary.miss, extra), study.graph)
     normals = np.concatenate([s.normals for s in study.surfels])

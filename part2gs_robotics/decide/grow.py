@@ -78,16 +78,13 @@ def _cheaper(judge: Judge, best: Candidate, pool: Sequence[Joint], swap: bool,
     grown = _finished(judge, _one_more(judge, best, pool), best)
     if grown.cost < best.cost:
         return "one more", grown
-    if not len(best):
-        # A plain door alone may show the photos worse what a drawer behind it makes up for.
-        two = _finished(judge, _one_more(judge, grown, pool), best)
-        return "two more", two if two.cost < best.cost else best
     ways: tuple[tuple[str, bool, Callable[[], Candidate]], ...] = (
         ("another in the place of one", swap, lambda: _swapped(judge, best, pool)),
         ("two in the place of one", True,
          lambda: _best_of(judge, halved(judge, best, pool), best)),
         ("a part's pieces on their own", True,
          lambda: _best_of(judge, in_pieces(judge, best), best)),
+        # A plain door alone may show the photos worse what a drawer behind it makes up for.
         ("two more", True, lambda: _finished(judge, _one_more(judge, grown, pool), best)),
     )
     for name, allowed, way in ways:
@@ -110,9 +107,9 @@ def _one_more(judge: Judge, best: Candidate, pool: Sequence[Joint]) -> Candidate
 
 
 def _swapped(judge: Judge, best: Candidate, pool: Sequence[Joint]) -> Candidate:
-    """Return the best candidate with another motion in the place of one."""
-    return judge.best_of([best.swapped(k, h) for k in range(len(best)) for h in pool
-                          if not best.parents[k] and k + 1 not in best.parents], FEW)
+    """Return the best candidate with another motion in the place of one; itself where none is."""
+    sets = [best.swapped(k, h) for k in range(len(best)) for h in pool if best.free(k)]
+    return judge.best_of(sets, FEW) if sets else best
 
 
 def _best_of(judge: Judge, sets: Sequence[Candidate], best: Candidate) -> Candidate:

@@ -14,9 +14,10 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from part2gs_robotics.decide.candidate import PART, Candidate
-from part2gs_robotics.decide.judge import NEAR, SLOW, UNEXPLAINED, Judge, arm_of
+from part2gs_robotics.decide.judge import NEAR, UNEXPLAINED, Judge, arm_of
 from part2gs_robotics.decide.labelling import EVEN
 from part2gs_robotics.decide.leave_out import joint_of, thinned
+from part2gs_robotics.decide.screws import RARE
 from part2gs_robotics.evidence.faces import directions
 from part2gs_robotics.evidence.landing import land
 from part2gs_robotics.evidence.surfels import Surfels
@@ -35,10 +36,10 @@ GUESSES = 6  # motions of each patch that are refined
 TRIED = 8  # refined motions, those that land most of what is left, that are judged
 POLISHED = 8  # rounds of refinement; a line 5 % of the diagonal off takes three
 LEAST_TURN = np.deg2rad(3.0)  # beside the carrier: less is the carrier's own error
+SLOW = 0.05  # of the diagonal: bent depth looks like parts that move less (seen: 4.3 %)
 LEAST_SLIDE = 0.02  # of the diagonal, likewise
 HALF = np.deg2rad(135.0)  # beside the carrier: from here on a plate lands on itself, sides swapped
-RARER = 3  # prices: a screw, which a part on a part is as well, is rarer than that
-# Of the cost left, over CARRIED prices: two parallel turns make one about a far line.
+# Of the cost: two parallel turns make one about a far line.
 FAR_PRICE = 0.04
 FAR = 0.3  # of the diagonal
 
@@ -170,7 +171,8 @@ def _rehung(judge: Judge, found: Candidate) -> Candidate:
             cost = trial.cost * (1 + _apart(judge, trial, k))
             logger.info("nested: part %d on part %d: %.4f, was %.4f", k + 1, p + 1, cost, score)
             # Two turns about one line explain the same either way: the carrier has its price.
-            rarer = RARER * PART if best.motions[k].kind == "screw" else 0.0
+            # A screw, which both together are as well, is rarer than a part on a part.
+            rarer = RARE * PART if best.motions[k].kind == "screw" else 0.0
             if cost < score + rarer:
                 best, score = trial, cost
         if best is not start:

@@ -30,7 +30,6 @@ from part2gs_robotics.model.joint import Joint
 from part2gs_robotics.runtime.side_by_side import side_by_side
 from part2gs_robotics.search.refine import refine
 
-SLOW = 0.05  # of the diagonal: bent depth looks like parts that move less (seen: 4.3 %)
 UNEXPLAINED = 0.5  # landing cost: halfway from an unobserved place to one seen empty
 MIN_SURFELS = 25  # in either state: less is the size of a floater
 NEAR = 0.05  # of the diagonal: hinges of eleven scenes pass their parts by 0.036 at most

@@ -39,7 +39,7 @@ def halved(judge: Judge, found: Candidate, pool: Sequence[Joint]) -> list[Candid
     pairs = [pair for turning in (False, True)
              for pair in _parallel(pool, turning, far)[:MOST_PAIRS]]
     return [_in_place(found, k, pair) for k, h in enumerate(found.motions) for pair in pairs
-            if pair[0].kind == h.kind and _free(found, k)]
+            if pair[0].kind == h.kind and found.free(k)]
 
 
 def in_pieces(judge: Judge, found: Candidate) -> list[Candidate]:
@@ -50,16 +50,11 @@ def in_pieces(judge: Judge, found: Candidate) -> list[Candidate]:
     study, sets = judge.study, []
     for k, h in enumerate(found.motions):
         bodies = pieces(h, study.own(found.labels, k + 1), study.diag, MIN_SURFELS)
-        if len(bodies) > 1 and _free(found, k):
+        if len(bodies) > 1 and found.free(k):
             own = [_own(judge, h, piece) for piece in bodies[:2]]
             if apart(own[0], own[1], bodies[1]) > NEAR * study.diag:
                 sets.append(_in_place(found, k, (own[0], own[1])))
     return sets
-
-
-def _free(found: Candidate, k: int) -> bool:
-    """Return whether a part neither carries nor is carried."""
-    return not found.parents[k] and k + 1 not in found.parents
 
 
 def _in_place(found: Candidate, k: int, pair: tuple[Joint, Joint]) -> Candidate:

@@ -9,11 +9,12 @@ import numpy as np
 import pytest
 
 from part2gs_robotics.config import SearchConfig
-from part2gs_robotics.decide.candidate import PART, on_base
+from part2gs_robotics.decide.candidate import PART, Scores, on_base
 from part2gs_robotics.decide.grow import decide, lowered
 from part2gs_robotics.decide.judge import Judge
 from part2gs_robotics.evidence.graph import build_graph
 from part2gs_robotics.evidence.guides import guides_of
+from part2gs_robotics.evidence.surfels import Surfels
 from part2gs_robotics.model import se3
 from part2gs_robotics.model.joint import Joint
 from part2gs_robotics.search.pool import find_more
@@ -156,14 +157,35 @@ def test_more_is_found_in_what_is_left(judge, look_alikes):
     assert find_more(judge.study, none, np.random.default_rng(0), SearchConfig()) == []
 
 
-def test_two_are_found_where_neither_pays_alone(judge, look_alikes, monkeypatch):
-    none, two = (judge.judge(on_base(motions)) for motions in ([], look_alikes.truth))
-    one = judge.judge(on_base(look_alikes.truth[:1]))
-    between = 0.5 * (none.scores.left - one.scores.left + (none.scores.left - two.scores.left) / 2)
-    if one.scores.left - two.scores.left <= none.scores.left - one.scores.left:
-        pytest.skip("the first of these two saves more than the second")
-    monkeypatch.setattr("part2gs_robotics.decide.candidate.PART", between)
-    assert len(lowered(judge, none, look_alikes.truth)) == 2
+class Priced:
+    """A judge that knows what every set of motions leaves, by their values."""
+
+    nothing = Surfels(*(np.zeros((0, 3)) for _ in range(3)), np.zeros(0, np.int64))
+    study = SimpleNamespace(diag=1.0, own=lambda *_: (Priced.nothing, Priced.nothing))
+
+    def __init__(self, left):
+        self.left = left
+
+    def judge(self, found, known=None):
+        left = self.left[frozenset(h.value for h in found.motions)]
+        return replace(found, labels=np.zeros(0, np.int64),
+                       judged=Scores(left, 0.0, parts=len(found)))
+
+    def best_of(self, sets, shown=2):
+        return min(map(self.judge, sets), key=lambda c: c.cost)
+
+    def polished(self, found):
+        return found
+
+
+@pytest.mark.parametrize(("both", "count"), [(0.5, 2), (1.0 - 1.9 * PART, 0)])
+def test_two_are_found_where_neither_pays_alone(both, count):
+    """What one alone shows the photos worse, the other makes up for."""
+    one, two = (Joint("revolute", axis, np.zeros(3), value) for axis, value in ((X, 0.3), (Y, 0.2)))
+    judge = Priced({frozenset(): 1.0, frozenset({0.3}): 1.05, frozenset({0.2}): 1.1,
+                    frozenset({0.3, 0.2}): both})
+    found = lowered(judge, judge.judge(on_base([])), [one, two])
+    assert len(found) == count
 
 
 def test_one_part_by_order_is_one_part(judge, look_alikes):
