@@ -123,7 +123,7 @@ class Judge:
             hard = self.sort_out(found.motions)[0] if known is None else known
             if found.motions:
                 start = replace(found, labels=hard)
-                hard = claim(self.study, self.lands, start, STAYS)[0]
+                hard = claim(self.study, self.lands, start, STAYS, sparing=True)[0]
             self._judged[key] = found.motions, hard, self.scores(found, hard)
         return replace(found, labels=self._judged[key][1], judged=self._judged[key][2])
 
