@@ -15,7 +15,6 @@ import numpy as np
 
 from part2gs_robotics.config import ArticulateConfig, SearchConfig
 from part2gs_robotics.decide.candidate import Candidate, on_base
-from part2gs_robotics.decide.claim import STAYS
 from part2gs_robotics.decide.grow import decide, lowered
 from part2gs_robotics.decide.hang import hang
 from part2gs_robotics.decide.judge import Judge
@@ -24,7 +23,7 @@ from part2gs_robotics.errors import FitError
 from part2gs_robotics.evidence.canonical import Canonical
 from part2gs_robotics.evidence.study import Study, gather
 from part2gs_robotics.joints.align import judged
-from part2gs_robotics.joints.labels import labels_under, part_probs, start_labels
+from part2gs_robotics.joints.labels import final_labels, labels_under, part_probs, start_labels
 from part2gs_robotics.joints.settle import Photos, Views, aligned, problem_of, settle
 from part2gs_robotics.model.joint import Joint
 from part2gs_robotics.model.motion import Motion
@@ -147,8 +146,7 @@ def settled_motion(scene: Scene, found: Found, config: ArticulateConfig,
         end = _settled(judge, pulled, Photos(small, sharp), config, found.pool)
     idle = unpaid(judge, end) if config.parts and not config.paper_mode else []
     clock.tick("alignment", 4, len(end))
-    # Only now: used while joints were still aligned, it cost one scene a door.
-    hard, costs = labels_under(judge, end, config, STAYS)
+    hard, costs = final_labels(judge, end, config)
     end = replace(end, labels=hard)
     probs = part_probs(study, end, costs, config)
     diagnostics, notes = part_diagnostics(study, end.motions, hard, config.paper_mode)
@@ -195,7 +193,10 @@ def _settled(judge: Judge, found: Candidate, photos: Photos, config: ArticulateC
             new = kinds_chosen(judge, lowered(judge, left, pool), left)
             found = settle(judge, new, photos, config)
     found = hang(judge, found, config.parts, np.random.default_rng(config.seed))
-    return aligned(judge, found, photos.sharp) if any(found.parents) else found
+    if any(found.parents):
+        found = aligned(judge, found, photos.sharp)
+    left = found if config.parts else thinned(judge, judge.judge(found))
+    return aligned(judge, left, photos.sharp) if len(left) < len(found) else left
 
 
 def _about_number(asked: int | None, found: int, short: bool, idle: list[int]) -> list[str]:

@@ -20,7 +20,7 @@ class Scores:
     """What surfels and photos of both states say of a set of motions: terms of one cost.
 
     Attributes:
-        surfels: labelling energy per surfel.
+        surfels: labelling energy per surfel, and what parts only make vanish.
         images: cross-rendering cost per object pixel beyond what no motion could mend.
         seams: per surfel, bonds of neighbours that the labels cut.
         strange: of all motions together, how surely each is no made thing's, 0..1 each: a turn

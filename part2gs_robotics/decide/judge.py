@@ -17,6 +17,7 @@ from part2gs_robotics.decide.labelling import (
     label,
     roughly,
     unary_costs,
+    vanished,
 )
 from part2gs_robotics.decide.made_joints import askew, crooked, square
 from part2gs_robotics.evidence.cross_render import both_cost
@@ -68,12 +69,13 @@ class Judge:
         """Return the labelling of the surfels under the motions and its cost per surfel."""
         unary = self._unary(motions)
         hard, energy = label(unary, self.study.graph, unary.resting, starts)
-        return hard, energy / len(hard)
+        return hard, (energy + vanished(unary.resting, hard)) / len(hard)
 
     def _roughly(self, motions: Sequence[Joint]) -> tuple[float, float]:
         """Return what a set costs by a rough labelling, and the start of it that was better."""
         unary = self._unary(motions)
         hard, energy, start = roughly(unary, self.study.graph, unary.resting)
+        energy += vanished(unary.resting, hard)
         return self._likely(motions, (hard, energy / len(hard))), start
 
     def costs(self, motions: Sequence[Joint], hard: Labels) -> F64:
@@ -121,16 +123,24 @@ class Judge:
         key = (*map(id, found.motions), *found.parents)
         if key not in self._judged:
             hard = self.sort_out(found.motions)[0] if known is None else known
+            tried = [hard]
             if found.motions:
                 start = replace(found, labels=hard)
-                hard = claim(self.study, self.lands, start, STAYS, sparing=True)[0]
-            self._judged[key] = found.motions, hard, self.scores(found, hard)
+                tried.append(claim(self.study, self.lands, start, STAYS, sparing=True)[0])
+            self._judged[key] = found.motions, *self.cheapest(found, tried)
         return replace(found, labels=self._judged[key][1], judged=self._judged[key][2])
+
+    def cheapest(self, found: Candidate, tried: Sequence[Labels]) -> tuple[Labels, Scores]:
+        """Return the labels of a set that cost least of those tried, and their scores."""
+        scores = [self.scores(found, hard) for hard in tried]
+        best = min(range(len(tried)), key=lambda n: scores[n].cost)
+        return tried[best], scores[best]
 
     def scores(self, found: Candidate, hard: Labels) -> Scores:
         """Return what surfels and photos say of a set of motions under given labels."""
         motions, study = found.motions, self.study
-        surfels = energy_of(self._unary(motions).resting, study.graph, hard) / len(hard)
+        unary = self._unary(motions).resting
+        surfels = (energy_of(unary, study.graph, hard) + vanished(unary, hard)) / len(hard)
         images = both_cost(study.gaussians, study.gaussian_labels(hard),
                            [np.eye(4), *(h.move for h in motions)], study.views,
                            study.source_weight, study.light)

@@ -9,7 +9,7 @@ from scipy.spatial import cKDTree
 
 from part2gs_robotics.config import ArticulateConfig
 from part2gs_robotics.decide.candidate import Candidate
-from part2gs_robotics.decide.claim import claim
+from part2gs_robotics.decide.claim import FAR_COST, STAYS, claim
 from part2gs_robotics.decide.judge import MIN_SURFELS, Judge
 from part2gs_robotics.decide.labelling import unary_costs
 from part2gs_robotics.evidence.study import Study
@@ -54,6 +54,26 @@ def labels_under(judge: Judge, found: Candidate, config: ArticulateConfig, stays
     near = [np.asarray(cKDTree(study.gaussians[s].means).query(study.surfels[s].points)[1])
             for s in (0, 1)]
     return np.concatenate([probs[s].argmax(1)[near[s]] for s in (0, 1)]), costs
+
+
+def final_labels(judge: Judge, end: Candidate, config: ArticulateConfig) -> tuple[Labels, F64]:
+    """Return surfel labels [N0 + N1] and costs [N0 + N1, K+1] under joints that are final.
+
+    Claimed, or as they were judged: the cost says which. Arguments as of `labels_under`.
+    """
+    # Only now: used while joints were still aligned, `STAYS` cost one scene a door.
+    if not config.identity or config.paper_mode:
+        return labels_under(judge, end, config, STAYS)
+    known = judge.judge(replace(end, judged=None))
+    start = replace(known, labels=judge.sort_out(known.motions)[0])
+    claimed, costs = labels_under(judge, start, config, STAYS)
+    hard, _ = judge.cheapest(known, [claimed, known.labels])
+    if hard is claimed:
+        return claimed, costs
+    eye = np.eye(len(known) + 1)[hard]
+    landing = unary_costs([np.eye(4), *(j.state1_from_0 for j in known.motions)],
+                          judge.study.surfels, judge.lands, judge.study.tau)
+    return hard, landing.cost(eye) + FAR_COST * (1.0 - eye)
 
 
 def identity_labels(judge: Judge, found: Candidate, config: ArticulateConfig,

@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from part2gs_robotics.config import ArticulateConfig
-from part2gs_robotics.decide.candidate import Candidate
+from part2gs_robotics.decide.candidate import PART, Candidate
 from part2gs_robotics.decide.claim import claim
 from part2gs_robotics.decide.judge import Judge
 from part2gs_robotics.decide.screws import plain
@@ -60,6 +60,32 @@ def settle(judge: Judge, found: Candidate, photos: Photos, config: ArticulateCon
         photos: of both states.
         config: whether Gaussians have part identities.
     """
+    return _kept(judge, found, _settled(judge, found, photos, config), photos.sharp)
+
+
+def _kept(judge: Judge, before: Candidate, after: Candidate, sharp: Views) -> Candidate:
+    """Return aligned joints, where one costs a part's price more than before, aligned from there.
+
+    Photos lead a joint astray where look-alike neighbours hold each other's surfels. The cost that
+    decided about the parts sees that; smaller differences are below what surfels can tell.
+    """
+    best = end = judge.judge(after)
+    for k in range(len(after)):
+        trial = judge.judge(best.swapped(k, before.motions[k]))
+        best = trial if trial.cost + PART < best.cost else best
+    if best is end:
+        return after
+    logger.info("settle: cost %.4f, %.4f with joints as before", end.cost, best.cost)
+    again = judge.judge(aligned(judge, best, sharp))
+    if again.cost < best.cost + PART:
+        return again
+    problem = problem_of(judge, best, sharp)
+    return best.with_motions(with_missing_deviations(problem, list(best.motions)))
+
+
+def _settled(judge: Judge, found: Candidate, photos: Photos, config: ArticulateConfig,
+             ) -> Candidate:
+    """Return joints and surfel labels that the images prefer. Arguments as of `settle`."""
     if len(found) == 1:
         return _alone(judge, found, photos, config)
     thin = photos.small[0].every(THIN), photos.small[1].every(THIN)

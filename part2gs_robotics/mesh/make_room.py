@@ -11,7 +11,7 @@ import numpy as np
 from part2gs_robotics.collision.joined import hull, joined
 from part2gs_robotics.mesh.surface import arrays, flaw, vertices_apart
 from part2gs_robotics.model.arrays import F64
-from part2gs_robotics.model.kinematics import chain, ways
+from part2gs_robotics.model.kinematics import both_ways, chain, ways
 from part2gs_robotics.model.se3 import apply, inverse, inverses
 from part2gs_robotics.model.solids import corners_of, hull_of
 from part2gs_robotics.volume.place import Place
@@ -148,7 +148,7 @@ def _swept(part: int, carrier: int, pieces: Sequence[Manifold], place: Place,
 
 
 def _strides(part: int, carrier: int, points: F64, place: Place, voxel: float) -> list[F64]:
-    """Return pairs of poses [2, 4, 4] carrier_from_part, one after the other on its ways."""
+    """Return poses [2 or 4, 4, 4] carrier_from_part: corners of every stride on its ways."""
     if not len(points):
         return []
     ends = np.array([points.min(0), points.max(0)])
@@ -161,7 +161,8 @@ def _strides(part: int, carrier: int, points: F64, place: Place, voxel: float) -
             out += [poses[[i, i + 1]] for i in range(len(poses) - 1)]
         else:  # a slide sweeps the hull of its two ends
             out.append(poses[[0, -1]])
-    return out
+    both = both_ways(part, carrier, place.joints, place.parents, corners, ARC * voxel)
+    return out + [np.asarray(inverses(poses)) for poses in both]
 
 
 def _grown(piece: Manifold, gap: float) -> F64:

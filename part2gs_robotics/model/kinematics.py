@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import partial
 
 import numpy as np
 
@@ -127,6 +128,36 @@ def ways(part: int, carrier: int, joints: Sequence[Joint], parents: Sequence[int
 
         poses.append(relative(_pose_count(relative, corners, step)))
     return poses
+
+
+def both_ways(part: int, carrier: int, joints: Sequence[Joint], parents: Sequence[int],
+              corners: F64, step: float) -> list[F64]:
+    """Return the poses [4, 4, 4] part_from_carrier at the corners of every stride of two joints.
+
+    Where one of them slides, what lies between the four corners is what the part sweeps however
+    far the slide is out. Empty unless exactly two joints lie between the parts and one slides.
+
+    Args: see `ways`.
+    """
+    involved = sorted(set(ancestors(part, parents)) ^ set(ancestors(carrier, parents)),
+                      key=lambda n: joints[n - 1].turns)
+    if len(involved) != 2 or joints[involved[0] - 1].turns:
+        return []
+    slide, other = involved
+    values = np.array([j.value for j in joints])
+
+    def relative(count: int, out: float) -> F64:
+        q = np.zeros((count, len(joints)))
+        q[:, slide - 1] = out * values[slide - 1]
+        q[:, other - 1] = np.linspace(0, 1, count) * values[other - 1]
+        return np.asarray(inverses(chains(part, joints, parents, q))
+                          @ chains(carrier, joints, parents, q))
+
+    if not joints[other - 1].turns:
+        return [np.concatenate([relative(2, 0.0), relative(2, 1.0)])]
+    count = max(_pose_count(partial(relative, out=out), corners, step) for out in (0.0, 1.0))
+    ends = np.stack([relative(count, 0.0), relative(count, 1.0)], 1)
+    return [ends[i : i + 2].reshape(4, 4, 4) for i in range(count - 1)]
 
 
 def _pose_count(relative: Callable[[int], F64], corners: F64, step: float) -> int:

@@ -7,6 +7,7 @@ import pytest
 
 from part2gs_robotics.decide.labelling import (
     FOREIGN_COST,
+    HIDES,
     NEUTRAL_COST,
     STARTS,
     UNSEEN_MOVES,
@@ -15,6 +16,7 @@ from part2gs_robotics.decide.labelling import (
     label,
     roughly,
     unary_costs,
+    vanished,
 )
 from part2gs_robotics.evidence.graph import Graph, build_graph
 from part2gs_robotics.evidence.landing import FREE_COST
@@ -121,3 +123,21 @@ def test_the_better_start_wins(width):
     hard, rough, better = roughly(unary, graph)
     assert better == STARTS[width == 40], "one sweep per step tells the starts apart"
     assert rough == energy_of(unary, graph, hard)
+
+
+@pytest.mark.parametrize("landing", [0, 1, 2, 3])
+def test_what_a_part_hides_counts_as_far_as_it_lands(landing):
+    """40 surfels seen gone at rest are hidden by a motion; a few more are landed by it."""
+    gone, here = 40, np.arange(landing)
+    match, target = np.zeros((gone + 2 * landing, 2)), np.full((gone + 2 * landing, 2), -1)
+    miss = np.tile([FREE_COST, NEUTRAL_COST], (len(match), 1))
+    target[gone + here, 1], target[gone + landing + here, 1] = gone + landing + here, gone + here
+    target[gone + landing + here, 0] = gone + landing + here  # rest explains half of them as well
+    found = vanished(Unary(match, target, miss), np.ones(len(match), np.int64))
+    saved = FREE_COST - NEUTRAL_COST
+    assert found == pytest.approx(max(gone * saved - HIDES * landing * FREE_COST, 0.0))
+
+
+def test_nothing_vanishes_where_nothing_moves():
+    unary = Unary(np.zeros((5, 1)), np.full((5, 1), -1), np.full((5, 1), FREE_COST))
+    assert vanished(unary, np.zeros(5, np.int64)) == 0.0

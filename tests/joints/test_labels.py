@@ -9,7 +9,14 @@ import pytest
 
 from part2gs_robotics.config import ArticulateConfig
 from part2gs_robotics.decide.candidate import on_base
-from part2gs_robotics.joints.labels import labels_under, landing_costs, part_probs, start_labels
+from part2gs_robotics.decide.claim import FAR_COST
+from part2gs_robotics.joints.labels import (
+    final_labels,
+    labels_under,
+    landing_costs,
+    part_probs,
+    start_labels,
+)
 from part2gs_robotics.paper.identity import PAPER, IdentityConfig
 
 pytestmark = pytest.mark.usefixtures("one_numba_thread", "one_torch_thread")
@@ -75,3 +82,25 @@ def test_start_labels_keep_the_decision_where_landing_leaves_a_motion_nothing(ju
     kept = decided.labels == 2
     assert kept.any()
     np.testing.assert_array_equal(hard == 2, kept)
+
+
+def test_final_labels_are_the_cheapest_of_claimed_and_judged(judge, true, monkeypatch):
+    config = replace(PLAIN, identity=True)
+    hard, costs = final_labels(judge, true, config)
+    known = judge.judge(true)
+    assert judge.scores(known, hard).cost <= known.cost
+    assert costs.shape == (len(hard), 3)
+    still = np.zeros_like(hard)  # what nobody would choose
+    monkeypatch.setattr("part2gs_robotics.joints.labels.labels_under",
+                        lambda *a: (still, np.zeros_like(costs)))
+    kept, costs = final_labels(judge, true, config)
+    np.testing.assert_array_equal(kept, known.labels)
+    own = costs[np.arange(len(kept)), kept]
+    other = landing_costs(judge, [j.state1_from_0 for j in true.motions]).min(1)
+    assert (own >= other - 1e-12).all(), "what it is labelled as costs what it lands for"
+    assert (np.delete(costs, 0, 1).max(1) >= FAR_COST).all(), "and any other label more"
+
+
+def test_final_labels_without_identities_are_those_that_land_best(judge, true):
+    found = [ask(judge, true, PLAIN) for ask in (final_labels, labels_under)]
+    np.testing.assert_array_equal(found[0][0], found[1][0])

@@ -123,3 +123,32 @@ def test_a_joint_is_held_unless_a_deviation_is_infinite(lost) -> None:
                   sigma_axis=0.01, sigma_value=0.01, seen=(0.01, 0.01))
     assert _held(slide)  # its origin has no deviation
     assert not _held(replace(slide, **lost))
+
+
+@pytest.mark.parametrize("share", [0.02, 1e-4])
+def test_a_joint_led_astray_is_taken_back_and_one_hardly_moved_is_not(
+    judge, photos, true_joints, monkeypatch, share
+) -> None:
+    """Photos are made to end a slide farther off; the cost of the decision knows better."""
+    before = on_base(true_joints, labels_of(judge, true_joints))
+    astray = before.swapped(1, off(true_joints[1], 0.0, share * judge.study.diag))
+    monkeypatch.setattr(settle_file, "_settled", lambda *_: astray)
+    found = settle(judge, before, photos, ArticulateConfig())
+    if share < 0.01:
+        assert found is astray
+        return
+    assert miss(judge, astray.motions, true_joints) > 0.019
+    assert miss(judge, found.motions, true_joints) < 0.003
+    assert all(np.isfinite(j.sigma_value) for j in found.motions)
+
+
+def test_a_joint_taken_back_stays_as_it_was_where_photos_would_lead_it_astray_again(
+    judge, photos, true_joints, monkeypatch
+) -> None:
+    before = on_base(true_joints, labels_of(judge, true_joints))
+    astray = before.swapped(1, off(true_joints[1], 0.0, 0.02 * judge.study.diag))
+    monkeypatch.setattr(settle_file, "_settled", lambda *_: astray)
+    monkeypatch.setattr(settle_file, "aligned", lambda *_: astray)
+    found = settle(judge, before, photos, ArticulateConfig())
+    np.testing.assert_array_equal(found.motions[1].move, true_joints[1].move)
+    assert all(np.isfinite(j.sigma_value) for j in found.motions), "with deviations all the same"

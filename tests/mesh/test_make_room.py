@@ -65,3 +65,29 @@ def test_a_part_without_convex_pieces_sweeps_nothing_and_still_yields() -> None:
     assert same is slide
     cut, _ = all_apart([base, slide], [[], [slide]], world(), VOXEL)
     assert cut.volume() < 8 - 0.9 * 0.4**2
+
+
+@pytest.mark.parametrize("door_first", [True, False])
+def test_a_door_clears_a_drawer_however_far_that_is_out(door_first: bool) -> None:
+    """The door's lower edge hangs into the drawer's way, but only while the drawer is half out."""
+    slide = Joint("prismatic", np.array([1.0, 0, 0]), np.zeros(3), 0.6)
+    hinge = Joint("revolute", np.array([0, 0, 1.0]), np.array([0.0, -0.4, 0]), -1.2)
+    drawer = box((-0.5, -0.3, 0), (0.0, 0.3, 0.2)) + box((-0.3, 0.1, 0.2), (-0.25, 0.15, 0.23))
+    door = box((0.01, -0.4, 0.21), (0.04, 0.4, 0.6))
+    lumps = [box((-0.5, -0.3, 0), (0.0, 0.3, 0.2)), box((-0.3, 0.1, 0.2), (-0.25, 0.15, 0.23))]
+    base = box((-1, -1, -2), (1, 1, -1.5))
+    solids, pieces, joints = [drawer, door], [lumps, [door]], [slide, hinge]
+    order = [1, 0] if door_first else [0, 1]
+    place = SimpleNamespace(count=3, joints=tuple(joints[i] for i in order), parents=(0, 0))
+    out = all_apart([base, *(solids[i] for i in order)], [[base], *(pieces[i] for i in order)],
+                    place, VOXEL)[1:]
+    left = dict(zip(order, out, strict=True))
+    assert left[1 if door_first else 0].volume() == pytest.approx(
+        solids[1 if door_first else 0].volume())
+    met = 0.0
+    for q in np.linspace(0, 0.6, 13):
+        for r in np.linspace(0, -1.2, 13):
+            poses = slide.transform(q)[:3], hinge.transform(r)[:3]
+            met += (drawer.transform(poses[0]) ^ door.transform(poses[1])).volume()
+            assert (left[0].transform(poses[0]) ^ left[1].transform(poses[1])).volume() < 1e-12
+    assert met > 0, "uncut they meet"
