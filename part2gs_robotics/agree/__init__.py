@@ -1,0 +1,10 @@
+"""Files of one twin against each other: every number that two of them hold is compared.
+
+In: a twin folder, its MJCF files compiled. Out: `finding.Finding` rows, each with what was found,
+what is allowed, and what to change in which file.
+Call: `agreement`.
+"""
+
+from part2gs_robotics.agree.folder import agreement
+
+__all__ = ["agreement"]

@@ -1,0 +1,110 @@
+"""Numbers against the meshes they come from: masses, loose bits, pieces that files name."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from manifold3d import Manifold
+
+from part2gs_robotics.agree.described import Described
+from part2gs_robotics.agree.finding import Finding, fails, measured
+from part2gs_robotics.agree.of_yaml import array, number
+from part2gs_robotics.agree.vote import apart, relative
+from part2gs_robotics.errors import ExportError
+from part2gs_robotics.exporters.inertia import mass_properties
+from part2gs_robotics.model.arrays import F64
+from part2gs_robotics.model.solids import defect, to_manifold
+from part2gs_robotics.model.twin import PartMesh, Twin
+
+DIGITS = 1e-5  # relative: meshes have nine digits, and their integrals lose at most four
+LOOSE = 0.05  # of the size between a bit and the rest; bits of twenty finished twins keep 0.02
+
+
+def masses(described: Described, twin: Twin, document: dict[str, object]) -> list[Finding]:
+    """Return where a part's mass, centre or inertia is not that of its mesh and density.
+
+    A mass that somebody measured stands for itself; its inertia must still be the mesh's share.
+
+    Args:
+        described: twin.yaml.
+        twin: with its meshes.
+        document: the whole of twin.yaml.
+    """
+    entries = document.get("parts")
+    out, worst, count = list[Finding](), 0.0, 0
+    for part, entry in zip(twin.parts, entries if isinstance(entries, list) else [], strict=False):
+        if defect(part.mesh) is not None:
+            continue  # the row `mesh` says so
+        try:
+            true = mass_properties(part.mesh, 1.0)
+        except ExportError:
+            continue
+        body, said = described.bodies[part.name], entry if isinstance(entry, dict) else {}
+        weighed = isinstance(said.get("mass"), dict) and said["mass"].get("source") == "measured"
+        wanted = body.mass if weighed else number(said, "density") * true.volume
+        gaps = {"volume": relative(array(said, "volume", ()), np.array(true.volume)),
+                "mass": relative(np.array(body.mass), np.array(wanted)),
+                "center": apart(body.center, true.center) / _size((part.mesh,)),
+                "inertia": relative(body.inertia, true.inertia * wanted / true.volume)}
+        worst, count = max(worst, *gaps.values()), count + 1
+        key = next((k for k, gap in gaps.items() if not gap <= DIGITS), "")
+        if key:
+            out.append(Finding(
+                "mass of mesh", f"twin.yaml: {part.name}", "fail", gaps[key], DIGITS, "",
+                f"{key} is not that of the mesh, whose volume is {true.volume:.6g} units^3, centre "
+                f"{true.center.round(6).tolist()}, and which weighs {wanted:.6g} kg",
+                f"assets/{part.name}_visual.obj is another shape than the one described, or "
+                f"twin.yaml has a wrong {key} of {part.name}: restore it, or build the twin again"))
+    return out or [measured("mass of mesh", "", (worst, DIGITS, ""), f"{count} meshes times their "
+                            "density have the masses, centres and inertias of twin.yaml", "")]
+
+
+def _size(meshes: tuple[PartMesh, ...]) -> float:
+    points = np.concatenate([m.vertices for m in meshes])
+    return float(np.linalg.norm(np.ptp(points, axis=0))) or 1.0
+
+
+def loose_bits(twin: Twin) -> list[Finding]:
+    """Return the part of whose mesh a bit floats furthest from the rest of it and of all others.
+
+    Args:
+        twin: with meshes at state 0; open ones are passed over.
+    """
+    closed = {p.name: to_manifold(p.mesh) for p in twin.parts if defect(p.mesh) is None}
+    size = _size(tuple(p.mesh for p in twin.parts))
+    worst, where, far = 0.0, "", np.zeros(3)
+    for name, solid in closed.items():
+        bits = sorted(solid.decompose(), key=lambda b: -float(b.volume()))
+        for k, bit in enumerate(bits[1:], 1):
+            rest = [b for i, b in enumerate(bits) if i != k]
+            rest += [s for n, s in closed.items() if n != name]
+            # beyond three times the limit it is loose, however far
+            gap = min(bit.min_gap(other, 3 * LOOSE * size) for other in rest)
+            if gap / size > worst:
+                worst, where, far = float(gap / size), name, _middle(bit)
+    text = f"a bit at {far.round(4).tolist()} touches nothing" if where else "all hang together"
+    return [measured("loose bits", where, (worst, LOOSE, "of size"), text,
+                     f"assets/{where}_visual.obj: remove the bit at {far.round(4).tolist()}")]
+
+
+def _middle(solid: Manifold) -> F64:
+    box = np.array(solid.bounding_box(), np.float64)
+    return np.asarray((box[:3] + box[3:]) / 2)
+
+
+def textures(twin: Twin, folder: Path) -> list[Finding]:
+    """Return parts with a picture whose material file is not there or names another one."""
+    out = []
+    for part in twin.parts:
+        if part.mesh.texture is None:
+            continue
+        material = folder / f"assets/{part.name}_visual.mtl"
+        text = material.read_text("ascii", "replace") if material.is_file() else ""
+        if f"map_Kd {part.name}_texture.png" not in text:
+            out.append(fails("assets", f"{material.name}", f"names no {part.name}_texture.png",
+                             f"assets/{material.name}: restore it, or build the twin again"))
+    return out or [Finding("assets", "", "pass", detail="meshes, pieces, materials and pictures "
+                           "that twin.yaml names are there")]
+
+

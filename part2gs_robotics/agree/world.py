@@ -1,0 +1,209 @@
+"""What one compiled model must be whatever the others say: contacts, servos, the world."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from part2gs_robotics.agree.finding import Finding, fails
+from part2gs_robotics.agree.of_mujoco import actuators
+from part2gs_robotics.exporters.inertia import gravity_vector
+from part2gs_robotics.model.arrays import F64
+from part2gs_robotics.model.twin import Twin
+
+if TYPE_CHECKING:
+    import mujoco
+
+SAME = 1e-6  # relative; files have ten digits
+STABLE = 4.83  # servo frequency x step: up to it an implicit, critically damped servo settles
+WIDE = 0.002  # of the size: a margin beyond what `overlap` allows pushes parts that do not touch
+REACH = 9  # positions of every joint at which excluded parts are looked at
+
+
+def contact_rules(file: str, model: mujoco.MjModel, size: float) -> list[Finding]:
+    """Return what keeps parts of a model from meeting each other or a hand, or makes them spring.
+
+    Args:
+        file: its name.
+        model: compiled.
+        size: of the object, scene units.
+    """
+    bits = (model.geom_contype | model.geom_conaffinity) & 1
+    meets = (model.geom_contype != 0) | (model.geom_conaffinity != 0)
+    out = []
+    for g in np.flatnonzero(meets):
+        part = model.body(int(model.geom_bodyid[g])).name or "world"
+        name = model.geom(int(g)).name or f"geom {g}"
+        text, goal = "", ""
+        if not bits[g]:
+            text, goal = "meets nothing by its contype and conaffinity", "contype and conaffinity 1"
+        elif model.geom_solref[g, 0] <= 0:
+            text = f"has solref {model.geom_solref[g].tolist()}, past the engine's stability clamp"
+            goal = "a positive solref, two time steps or more"
+        elif not 0 < model.geom_solimp[g, 0] <= model.geom_solimp[g, 1] < 1:
+            text, goal = f"has solimp {model.geom_solimp[g].tolist()}", "solimp 0.9 0.95 0.001"
+        elif not abs(model.geom_margin[g]) + abs(model.geom_gap[g]) <= WIDE * size:
+            text, goal = f"has margin {model.geom_margin[g]:g} units", "margin and gap 0"
+        elif not model.geom_friction[g, 0] > 0:
+            text, goal = f"has friction {model.geom_friction[g, 0]:g}", "friction 1 0.005 0.0001"
+        if text:
+            out.append(fails("contact rules", f"{file}: {part}", f"{name} {text}",
+                             f"{file}: give {name} {goal}"))
+    return [*out[:1], *_pairs(file, model, size)] or [
+        Finding("contact rules", file, "pass", detail="pieces meet what they touch")]
+
+
+def _pairs(file: str, model: mujoco.MjModel, size: float) -> list[Finding]:
+    out = []
+    if model.npair:
+        out.append(Finding("contact rules", file, "warn", float(model.npair), detail="contact "
+                           "pairs with rules of their own", cause=f"{file}: drop <pair> unless "
+                           "meant"))
+    for pair in model.exclude_signature:
+        one, two = int(pair) >> 16, int(pair) & 0xFFFF
+        names = f"{model.body(one).name} and {model.body(two).name}"
+        near, at = _nearest(model, (one, two))
+        meets = near <= WIDE * size
+        out.append(Finding(
+            "contact exclude", f"{file}: {names}", "fail" if meets else "warn", near, WIDE * size,
+            "units", f"excluded from contact; nearest {near:.4g} units at qpos {at}",
+            f"{file}: remove <exclude> of {names}, and part their pieces where they overlap"))
+    return out
+
+
+def _nearest(model: mujoco.MjModel, pair: tuple[int, int]) -> tuple[float, list[float]]:
+    """Return how near the pieces of two bodies come while each joint moves alone, and where."""
+    import mujoco
+
+    data, best, at, span = mujoco.MjData(model), np.inf, list[float](), np.zeros(6)
+    pieces = [[g for g in range(model.ngeom) if model.geom_bodyid[g] == b
+               and (model.geom_contype[g] or model.geom_conaffinity[g])] for b in pair]
+    for j in range(model.njnt):
+        for q in np.linspace(*model.jnt_range[j], REACH):
+            data.qpos[:] = 0
+            data.qpos[model.jnt_qposadr[j]] = q
+            mujoco.mj_kinematics(model, data)
+            gap = min((mujoco.mj_geomDistance(model, data, a, b, 1e3, span)
+                       for a in pieces[0] for b in pieces[1]), default=np.inf)
+            if gap < best:
+                best, at = float(gap), data.qpos.round(4).tolist()
+    return best, at
+
+
+def servo_rules(file: str, model: mujoco.MjModel, wanted: int, step: float) -> list[Finding]:
+    """Return joints without the servo they must have, or with one too stiff for the time step.
+
+    Args:
+        file: its name.
+        model: compiled.
+        wanted: servos per joint: 1, in the passive twin 0.
+        step: s, of scene.xml.
+    """
+    out, driven = [], 0
+    followers = {int(model.eq_obj1id[e]) for e in range(model.neq)}
+    for j in range(model.njnt):
+        mine, name = actuators(model, j), model.joint(j).name
+        goal = 0 if j in followers else wanted
+        if len(mine) != goal:
+            out.append(fails("servos", f"{file}: {name}", f"{len(mine)} actuators; needed {goal}",
+                             f"{file}: " + (f"add a position servo to {name}" if goal
+                                            else f"remove the actuators of {name}")))
+            continue
+        driven += len(mine)
+        kp = max((float(model.actuator_gainprm[a, 0]) for a in mine), default=0.0)
+        felt = float(model.dof_M0[model.jnt_dofadr[j]])
+        rate = float(np.sqrt(kp / max(felt, 1e-300))) * step
+        if not rate <= STABLE:
+            out.append(Finding("servos", f"{file}: {name}", "fail", rate, STABLE, "rad per step",
+                               f"kp {kp:.4g} on an inertia of {felt:.4g} at {step:g} s a step",
+                               f"{file}: lower kp of the servo of {name} to what twin.yaml says, or "
+                               "the time step of scene.xml"))
+    if driven != model.nu and not out:
+        out.append(fails("servos", file, f"{model.nu - driven} actuators act on no joint",
+                         f"{file}: remove them"))
+    return out[:4] or [Finding("servos", file, "pass", detail=f"{wanted} per joint")]
+
+
+def extras(file: str, model: mujoco.MjModel) -> list[Finding]:
+    """Return what holds or lifts parts besides joints: welds, tendons, springs, no gravity."""
+    import mujoco
+
+    screws = sum(int(model.jnt_type[j]) == int(mujoco.mjtJoint.mjJNT_SLIDE)
+                 and j > 0 and model.jnt_bodyid[j] == model.jnt_bodyid[j - 1]
+                 for j in range(model.njnt))
+    found = {"constraints besides those of screws": model.neq - screws, "tendons": model.ntendon,
+             "bodies without their weight (gravcomp)": int((model.body_gravcomp != 0).sum()),
+             "joints with springs": int((model.jnt_stiffness != 0).sum()),
+             "joints whose limits give way (negative solreflimit)":
+                 int((model.jnt_solref[:, 0] <= 0).sum()),
+             "free or ball joints": int((model.jnt_type < 2).sum())}
+    out = [fails("own settings", file, f"{count} {what}",
+                 f"{file}: remove them; a twin's parts hang on their joints alone")
+           for what, count in found.items() if count > 0]
+    return out or [Finding("own settings", file, "pass", detail="parts hang on joints alone")]
+
+
+def options(model: mujoco.MjModel, twin: Twin | None, told: F64, step: float) -> list[Finding]:
+    """Return what of the world in scene.xml contradicts twin.yaml, or is no world.
+
+    Args:
+        model: of scene.xml.
+        twin: None where twin.yaml cannot be read.
+        told: [3] gravity of twin.yaml.
+        step: time step of twin.yaml, s.
+    """
+    found, file = model.opt, "scene.xml"
+    weight = told if twin is None else gravity_vector(twin)
+    faults = []
+    if not np.abs(told - weight).max() <= SAME * np.abs(weight).max():
+        faults.append(("twin.yaml", f"gravity is {told.tolist()}; 9.81 m/s2 along -up is "
+                       f"{weight.round(6).tolist()}", "correct gravity, up or meters_per_unit"))
+    if not np.abs(found.gravity - weight).max() <= SAME * np.abs(weight).max():
+        faults.append((file, f"gravity is {found.gravity.tolist()}; twin.yaml has "
+                       f"{weight.round(6).tolist()}", "correct <option gravity>"))
+    if not 0 < found.timestep <= step * (1 + SAME):
+        faults.append((file, f"timestep is {found.timestep:g} s; twin.yaml has {step:g} s, which "
+                       "its servos need", f"set <option timestep> to {step:g} or less"))
+    for name, good in (("disableflags", 0), ("density", 0.0), ("viscosity", 0.0)):
+        if getattr(found, name) != good:
+            faults.append((file, f"{name} is {getattr(found, name)}", f"set {name} back to {good}"))
+    if np.abs(found.wind).max() > 0:
+        faults.append((file, f"wind is {found.wind.tolist()}", "remove <option wind>"))
+    if int(found.enableflags) & 1:
+        faults.append((file, "contacts of all bodies are overridden", "drop <flag override>"))
+    out = [fails("options", f, text, f"{f}: {goal}") for f, text, goal in faults]
+    return out or [Finding("options", file, "pass", detail=f"gravity and a time step of "
+                           f"{found.timestep:g} s as in twin.yaml")]
+
+
+def clear_world(model: mujoco.MjModel) -> list[Finding]:
+    """Return what of the world touches the twin at its observed states."""
+    import mujoco
+
+    out, data = [], mujoco.MjData(model)
+    for k in range(model.nkey):
+        mujoco.mj_resetDataKeyframe(model, data, k)
+        mujoco.mj_forward(model, data)
+        for c in range(data.ncon):
+            geoms = [int(g) for g in data.contact[c].geom]
+            owners = [int(model.geom_bodyid[g]) for g in geoms]
+            if 0 in owners:
+                one, two = (model.geom(g).name or f"geom {g}" for g in geoms)
+                out.append(fails("clear world", "scene.xml", f"{one} touches {two} at "
+                                 f"{model.key(k).name}", f"scene.xml: move {one} or {two} away"))
+    return out[:1] or [Finding("clear world", "scene.xml", "pass", detail="ground is clear of it")]
+
+
+def leaking(path: Path) -> list[Finding]:
+    """Return settings in a twin's own file that change the world it is put into."""
+    import xml.etree.ElementTree as ET
+
+    root = ET.parse(path).getroot()
+    tags = [t for t in ("option", "compiler", "size", "statistic") if root.find(t) is not None]
+    for default in root.iterfind("default"):
+        tags += [f"default {kind.tag}" for kind in default if kind.tag != "default"]
+    return [fails("own settings", path.name, f"<{tag}> counts for every model beside the twin",
+                  f"{path.name}: move <{tag}> into scene.xml or a class of the twin's own")
+            for tag in tags]
