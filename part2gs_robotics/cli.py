@@ -97,6 +97,13 @@ def _check(call: Call) -> int:
     return report.exit_code
 
 
+def _explain(call: Call) -> int:
+    from part2gs_robotics.agree.catalogue import explain
+
+    sys.stdout.write(explain(call.paths[0]))
+    return OK
+
+
 def _capture(call: Call) -> int:
     from part2gs_robotics.capture.capture import Shots, capture
     from part2gs_robotics.capture.joint_states import parse_states
@@ -136,5 +143,5 @@ def _export(call: Call) -> int:
     return OK
 
 
-RUN: dict[str, Callable[[Call], int]] = {"build": _build, "check": _check, "export": _export,
-                                         "capture": _capture}
+RUN: dict[str, Callable[[Call], int]] = {
+    "build": _build, "check": _check, "explain": _explain, "export": _export, "capture": _capture}

@@ -44,6 +44,8 @@ COMMANDS = {
                       "output")),
     "check": Command("the simulator checks alone, on a twin folder or MJCF file", ("PATH",),
                      ("check",)),
+    "explain": Command("what a check of `check` looks at, its threshold, what mends it", ("ID",),
+                       ()),
     "export": Command("write a twin folder's twin as MJCF, URDF, USD, SDFormat, glTF or for ROS 2",
                       ("TWIN",), (),
                       (Option("format", ("export",), (Format,), None,

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from collections.abc import Iterable
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
-Status = Literal["pass", "fail", "skipped", "incomplete"]
-WORST: tuple[Status, ...] = ("fail", "incomplete", "pass", "skipped")  # first found wins
+from part2gs_robotics.agree.catalogue import CHECKS, check_id
+
+Status = Literal["pass", "warn", "fail", "skipped", "incomplete"]
+WORST: tuple[Status, ...] = ("fail", "incomplete", "warn", "pass", "skipped")  # first found wins
 
 
 @dataclass(frozen=True)
@@ -16,7 +19,7 @@ class CheckResult:
     Attributes:
         name: the check.  subject: joint, part, file or pair it is about; "" = whole model.
         status: incomplete = it could not be measured.  value, limit, unit: None when not numeric.
-        detail: one sentence for people.
+        detail: one sentence for people.  cause: what to change, in which file; "" if all is well.
     """
 
     name: str
@@ -26,18 +29,21 @@ class CheckResult:
     limit: float | None = None
     unit: str = ""
     detail: str = ""
+    cause: str = ""
 
     def to_dict(self) -> dict[str, object]:
         """Return plain values for JSON."""
         return {
             "name": f"{self.name}: {self.subject}" if self.subject else self.name,
             "check": self.name,
+            "id": check_id(self.name),
             "subject": self.subject,
             "status": self.status,
             "value": self.value,
             "limit": self.limit,
             "unit": self.unit,
             "note": self.detail,
+            "cause": self.cause,
         }
 
 
@@ -92,7 +98,7 @@ class CheckReport:
     @property
     def ok(self) -> bool:
         """True when nothing failed and nothing was left unmeasured."""
-        return all(r.status in ("pass", "skipped") for r in self.results)
+        return all(r.status in ("pass", "warn", "skipped") for r in self.results)
 
     @property
     def exit_code(self) -> int:
@@ -129,7 +135,7 @@ def worst(results: list[CheckResult]) -> Status:
 
 def format_text(report: CheckReport) -> str:
     """Return the report as lines for a terminal, failures last so that they stay in sight."""
-    order = {"skipped": 0, "pass": 1, "incomplete": 2, "fail": 3}
+    order = {"skipped": 0, "pass": 1, "warn": 2, "incomplete": 3, "fail": 4}
     lines = [f"{report.path} ({report.engine}, {report.seconds:.1f} s)"]
     for r in sorted(report.results, key=lambda r: order[r.status]):
         numbers = "" if r.value is None else f" {r.value:.4g}"
@@ -138,10 +144,18 @@ def format_text(report: CheckReport) -> str:
         lines.append(
             f"  {r.status:<10} {r.name:<16} {r.subject:<18}{numbers}{unit}  {r.detail}".rstrip()
         )
+        lines += [f"             cause: {r.cause}"] if r.cause else []
     lines += [f"  note: {note}" for note in report.notes]
     lines += [f"  joint {name}: {report.verdict(name)}" for name in report.joints]
     lines.append(f"  verdict: {'pass' if report.ok else 'FAIL'}")
     return "\n".join(lines) + "\n"
+
+
+def with_causes(rows: Iterable[CheckResult]) -> list[CheckResult]:
+    """Return the rows; what failed and does not know why gets what usually mends it."""
+    return [replace(r, cause=CHECKS[r.name].change)
+            if r.status in ("fail", "incomplete") and not r.cause and r.name in CHECKS else r
+            for r in rows]
 
 
 def passed(good: bool) -> Status:

@@ -6,19 +6,29 @@ import time
 from collections.abc import Collection
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from part2gs_robotics.errors import CheckError
 from part2gs_robotics.exporters.twin_yaml import TwinSummary, read_twin_yaml
 from part2gs_robotics.sim_checks.engine import distinct, engine_messages
 from part2gs_robotics.sim_checks.model_files import check_model_files
-from part2gs_robotics.sim_checks.result import CheckReport, CheckResult, Curve, passed
-from part2gs_robotics.sim_checks.subject import Subject
+from part2gs_robotics.sim_checks.result import (
+    CheckReport,
+    CheckResult,
+    Curve,
+    passed,
+    with_causes,
+)
+from part2gs_robotics.sim_checks.subject import UNREAL, Subject
 
-GROUPS = ("compile", "mesh", "inertia", "limits", "states", "actuation", "overlap", "stability",
+if TYPE_CHECKING:
+    import mujoco
+
+GROUPS = ("compile", "files", "mesh", "inertia", "limits", "states", "actuation", "overlap", "stability",
           "passive")  # fmt: skip
 SLOW = {"stability", "passive"}  # groups that a quick check leaves out
-ACTUATED, WORLD = "twin_actuated.xml", "scene.xml"
-TWIN_FILES = ("twin.xml", ACTUATED, WORLD, "twin.urdf")
+ACTUATED, WORLD, URDF = "twin_actuated.xml", "scene.xml", "twin.urdf"
+TWIN_FILES = ("twin.xml", ACTUATED, WORLD, URDF)
 QUICK_STEPS, QUICK_POSES = 7, 8  # a third and an eighth of what a full check looks at
 WORDS = {  # the engine's message, and what to do about it
     "coplanar": "a collision piece is flat; give it thickness or drop it",
@@ -73,8 +83,10 @@ def check(
     with engine_messages() as messages:
         # the engine keeps meshes by name and second of change: a file rewritten at once is stale
         mujoco.mj_clearCache(mujoco.mj_getCache())
-        results, models = _compile(files, messages)
-        report = CheckReport(str(path), engine, tuple(results))
+        results, models, compiled = _compile(files, messages)
+        if folder is not None and "files" in wanted and len(files) > 1:
+            results += _files_rows(folder, compiled)
+        report = CheckReport(str(path), engine, tuple(with_causes(results)))
         messages.clear()
         if models is not None:
             steps, poses = (QUICK_STEPS, QUICK_POSES) if quick else (steps, 64)
@@ -108,30 +120,51 @@ def _files(path: Path) -> tuple[Path | None, list[Path], TwinSummary | None]:
     return None, [path], None
 
 
-def _compile(files: list[Path], messages: list[str]) -> tuple[list[CheckResult], Models | None]:
+def _files_rows(folder: Path, compiled: dict[str, mujoco.MjModel]) -> list[CheckResult]:
+    """Return what the files of a twin folder say against each other."""
+    from part2gs_robotics.agree import agreement
+    from part2gs_robotics.agree.folder import further
+
+    for name, kind in further(folder).items():
+        if kind == "sdf":
+            check_model_files(folder / name)
+    return [CheckResult(f.check, f.subject, f.verdict, f.value, f.limit, f.unit, f.detail, f.cause)
+            for f in agreement(folder, compiled)]
+
+
+Compiled = tuple[list[CheckResult], Models | None, dict[str, "mujoco.MjModel"]]
+
+
+def _compile(files: list[Path], messages: list[str]) -> Compiled:
     """Compile every file; the first one is the subject, its servos those of twin_actuated.xml.
 
     A twin holds no options of its own: those of scene.xml count for all files of a folder.
     """
-    from part2gs_robotics.sim_checks.subject import actuated_twin, load_spec, make_subject
+    from part2gs_robotics.sim_checks.subject import (
+        actuated_twin,
+        load_spec,
+        make_subject,
+        require_finite,
+    )
 
     rows: dict[str, CheckResult] = {}
     subjects: dict[str, Subject] = {}
+    compiled: dict[str, mujoco.MjModel] = {}
     names, options = [f.name for f in files], None
     for file in sorted(files, key=lambda f: len(files) > 1 and f.name != WORLD):
         check_model_files(file)
         messages.clear()
         try:
+            compiled[file.name] = model = load_spec(file)[0].compile()
+            require_finite(model)
             if file == files[0]:
-                found = make_subject(file, options, servos=ACTUATED not in names)
-                subjects[file.name] = found
-                if found.model.nbody == 1 and not found.model.ngeom:
+                subjects[file.name] = make_subject(file, options, servos=ACTUATED not in names)
+                if model.nbody == 1 and not model.ngeom:
                     messages.append("the model is empty")
             elif file.name == ACTUATED and names[0] in subjects:
                 subjects[ACTUATED] = actuated_twin(subjects[names[0]], file, options)
-            else:
-                world = load_spec(file)[0].compile()
-                options = world.opt if file.name == WORLD and ACTUATED in names else options
+            elif file.name == WORLD and ACTUATED in names:
+                options = model.opt
         except ValueError as error:
             said = _plain_words(str(error))
             rows[file.name] = CheckResult("compile", file.name, "fail", detail=said)
@@ -141,10 +174,11 @@ def _compile(files: list[Path], messages: list[str]) -> tuple[list[CheckResult],
         rows[file.name] = CheckResult("compile", file.name, status, detail=said)
     still = subjects.get(names[0])
     results = [rows[name] for name in names]
-    if still is None or (ACTUATED in names and ACTUATED not in subjects):
-        return results, None
+    numbers = {r.subject for r in results if r.detail.startswith(UNREAL)}
+    if still is None or (ACTUATED in names and ACTUATED not in subjects) or numbers - {URDF}:
+        return results, None, compiled
     driven = subjects.get(ACTUATED, still)
-    return [*results, *_same(still, driven)], Models(still, driven)
+    return [*results, *_same(still, driven)], Models(still, driven), compiled
 
 
 def _same(still: Subject, driven: Subject) -> list[CheckResult]:
@@ -197,7 +231,7 @@ def _run(report: CheckReport, models: Models, summary: TwinSummary | None, wante
     return CheckReport(
         report.path,
         report.engine,
-        tuple(rows),
+        tuple(with_causes(rows)),
         tuple(j.name for j in still.joints),
         tuple(curves),
         tuple(static.losses_table(still, summary, rows)),

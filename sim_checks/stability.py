@@ -9,6 +9,7 @@ from functools import partial
 
 import numpy as np
 
+from part2gs_robotics.model.arrays import F64
 from part2gs_robotics.runtime.threads import in_threads
 from part2gs_robotics.sim_checks.actuation import HIGH, LOW, MAX_STEPS, start, warnings_of
 from part2gs_robotics.sim_checks.driven import DrivenJoint
@@ -22,6 +23,7 @@ HALVINGS = (1, 2, 4)  # what the time step is divided by: whole, halved, halved 
 GAIN = 100.0  # on the stiffness; its root on the damping keeps the damping ratio
 HOLD_TIME = 3.0  # s
 DRIFT = 1e-3  # of the range during the last second of holding
+FALLEN = 0.01  # of the range in all: a servo of ours droops by 0.4 % under weight and friction
 ENERGY = 0.01  # of the weight times the size: what rounding and soft contacts may add
 COMMANDS = 50  # of one ramp
 
@@ -138,11 +140,18 @@ def _hold(subject: Subject) -> list[CheckResult]:
         mujoco.mj_step(model, data, round(1.0 / model.opt.timestep))
         said = ", ".join(warnings_of(data))
         for joint in subject.joints:
+            rows.append(_fallen(joint, name, float(data.qpos[joint.qpos] - qpos[joint.qpos])))
             creep = abs(float(data.qpos[joint.qpos] - before[joint.qpos])) / max(joint.span, 1e-12)
             detail = f"held at {name} for {HOLD_TIME:g} s{': ' + said if said else ''}"
             result = row("hold", joint.name, creep, DRIFT, "of range per s", detail)
             rows.append(result if not said else _failed(result))
     return rows
+
+
+def _fallen(joint: DrivenJoint, state: str, way: float) -> CheckResult:
+    """Return whether a joint is still where it was to be held."""
+    return row("hold", joint.name, abs(way) / max(joint.span, 1e-12), FALLEN, "of range",
+               f"{way:+.4g} {joint.unit} from {state}, where its servo was to hold it")
 
 
 def _failed(result: CheckResult) -> CheckResult:
@@ -152,13 +161,26 @@ def _failed(result: CheckResult) -> CheckResult:
 
 
 def _energy(subject: Subject) -> list[CheckResult]:
-    """Let go of all servos at every observed state: nothing may gain energy."""
-    import mujoco
-
+    """Let go of all servos at every observed state: nothing gains energy."""
     if not subject.joints:
         return []
+    states = {k: v for k, v in subject.states.items() if k.startswith("state_")}
+    gains = {name: _gained(subject, qpos)
+             for name, qpos in (states or {"reference": subject.model.qpos0}).items()}
+    worst = max(gains, key=lambda n: np.nan_to_num(gains[n][0], nan=np.inf))
+    gained, said = gains[worst]
+    result = row("passive", "", gained, ENERGY, "of m g size",
+                 f"energy gained in 2 s, servos off, let go at {worst}")
+    return [_failed(result) if said or not np.isfinite(gained) else result]
+
+
+def _gained(subject: Subject, qpos: F64) -> tuple[float, tuple[str, ...]]:
+    """Return the largest gain of energy after letting go, of m g size, and the warnings."""
+    import mujoco
+
     model = copy(subject.model)
     data = mujoco.MjData(model)
+    data.qpos[:] = qpos
     model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_ACTUATION)
     model.opt.enableflags |= int(mujoco.mjtEnableBit.mjENBL_ENERGY)
     mujoco.mj_forward(model, data)
@@ -166,9 +188,6 @@ def _energy(subject: Subject) -> list[CheckResult]:
     for _ in range(40):
         mujoco.mj_step(model, data, max(1, round(0.05 / model.opt.timestep)))
         highest = max(highest, float(data.energy.sum()))
-    said = warnings_of(data)
     gravity = float(np.linalg.norm(model.opt.gravity)) or 9.81
     scale = float(model.body_subtreemass[0]) * gravity * subject.size
-    gained = (highest - first) / max(scale, 1e-300)
-    result = row("passive", "", gained, ENERGY, "of m g size", "energy gained in 2 s, servos off")
-    return [_failed(result) if said or not np.isfinite(highest) else result]
+    return (highest - first) / max(scale, 1e-300), warnings_of(data)

@@ -12,6 +12,8 @@ from part2gs_robotics.sim_checks.result import CheckResult, Status, passed, row
 from part2gs_robotics.sim_checks.subject import Subject
 
 COVERED = 0.5  # of a part: gaps to neighbours take a tenth of boards; half collides like none
+LIKE = 0.5  # intersection over union; parts of thirty finished twins reach 0.62 at least
+BEYOND = 0.06  # of the size that pieces may stick out; those of thirty finished twins 0.042
 TRIANGLE = 1e-6  # relative slack of A + B >= C: the engine's own rounding
 STATES = ("state_0", "state_1")
 
@@ -127,11 +129,13 @@ def check_pieces(table: list[dict[str, object]], size: float) -> list[CheckResul
     """
     rows = []
     for entry in table:
-        covered = _number(entry, "covered_share")
-        far = _number(entry, "short_of_surface")
+        covered, like = _number(entry, "covered_share"), _number(entry, "intersection_over_union")
+        far, beyond = (_number(entry, key) for key in ("short_of_surface", "beyond_surface"))
         detail = (f"{entry['pieces']} pieces cover {100 * covered:.0f} % of the part, which sticks "
                   f"out by at most {100 * far / size:.2g} % of the size")
-        rows.append(CheckResult("collision", str(entry["part"]), passed(covered >= COVERED),
+        detail += f", they by {100 * beyond / size:.2g} %; intersection over union {like:.2f}"
+        good = covered >= COVERED and like >= LIKE and beyond <= BEYOND * size
+        rows.append(CheckResult("collision", str(entry["part"]), passed(good),
                                 covered, COVERED, "share >=", detail))
     return rows
 

@@ -113,6 +113,12 @@ def actuated_twin(passive: Subject, path: Path, options: mujoco.MjOption | None)
     return replace(passive, model=model, joints=driven_joints(model), states=_states(model))
 
 
+UNREAL = "a number is out of this world:"
+FARTHEST = 1e18  # scene units, kg, N: float32, which every engine takes, still squares it
+REAL = ("body_pos", "body_mass", "body_inertia", "body_ipos", "jnt_pos", "jnt_axis", "jnt_range",
+        "dof_damping", "dof_frictionloss", "geom_pos", "geom_size", "mesh_vert", "key_qpos",
+        "actuator_gainprm", "actuator_ctrlrange")  # fmt: skip
+
 SAME = (  # what must agree: kinematics, masses, passive forces, shapes, observed states
     "body_parentid", "body_pos", "body_quat", "body_mass", "body_ipos", "body_iquat",
     "body_inertia", "jnt_type", "jnt_bodyid", "jnt_pos", "jnt_axis", "jnt_range", "dof_damping",
@@ -128,6 +134,22 @@ def difference(one: mujoco.MjModel, two: mujoco.MjModel) -> str:
             return name
     names = [[m.joint(j).name for j in range(m.njnt)] for m in (one, two)]
     return "" if names[0] == names[1] else "names of joints"
+
+
+def require_finite(model: mujoco.MjModel) -> None:
+    """Stop at a number that no twin can have, which the engine compiles without a word.
+
+    Raises:
+        ValueError: naming it.
+    """
+    for name in REAL:
+        found = np.asarray(getattr(model, name))
+        if not (np.abs(found) < FARTHEST).all():  # NaN too
+            worst = found.ravel()[~(np.abs(found.ravel()) < FARTHEST)][0]
+            raise ValueError(f"{UNREAL} {name} holds {worst:g}")
+    if not 0 < model.opt.timestep < FARTHEST or not np.isfinite(model.opt.gravity).all():
+        raise ValueError(f"{UNREAL} option has timestep {model.opt.timestep:g} and gravity "
+                         f"{model.opt.gravity.tolist()}")
 
 
 def _prepared(spec: mujoco.MjSpec, options: mujoco.MjOption | None) -> mujoco.MjModel:

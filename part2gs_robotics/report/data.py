@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from part2gs_robotics.model.twin import Twin
 
-STATUSES = ("pass", "fail", "skipped", "incomplete")
+STATUSES = ("pass", "warn", "fail", "skipped", "incomplete")
 
 
 @dataclass(frozen=True)
@@ -26,7 +26,7 @@ class ReportData:
         curves: (label, ((seconds, held-out PSNR in dB), ...)).
         pictures: (caption, photo, render), both [H, W, 3 or 4] uint8.
         checks: result of the simulator checks as JSON-like values; every mapping in it that has a
-            `status` (pass | fail | skipped | incomplete) is one check, with optional `value`,
+            `status` (pass | warn | fail | skipped | incomplete) is one check, with optional `value`,
             `limit`, `unit` and `note`.
         assumed: numbers that nobody measured, one sentence each, beside those marked `assumed`
             in the folder's twin.yaml.

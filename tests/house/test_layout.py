@@ -24,13 +24,16 @@ MAY = {
     "mesh": "collision boards volume evidence render model runtime",
     "texture": "render model runtime",
     "exporters": "model runtime", "report": "model runtime",
-    "sim_checks": "exporters model runtime", "capture": "sim_checks model",
+    "agree": "exporters model runtime",
+    "sim_checks": "agree exporters model runtime", "capture": "sim_checks model",
 }  # fmt: skip
 ALONE = {  # from that room, these files alone
     ("fit", "evidence"): {"depth_maps", "surfels"},
     ("volume", "evidence"): {"depth_maps"},
     ("mesh", "evidence"): {"depth_maps", "edges", "segments"},
+    ("agree", "exporters"): {"inertia", "meshfile", "read_twin", "twin_yaml"},
     ("sim_checks", "exporters"): {"twin_yaml"},
+    ("sim_checks", "agree"): {"__init__", "catalogue", "folder"},
     ("capture", "sim_checks"): {"model_files", "engine"},
 }  # fmt: skip
 ORDER = {"build", "outputs", "articulate", "cli"}  # files that know rooms by their order

@@ -1,0 +1,161 @@
+"""Every check in plain words: what it looks at, where its threshold comes from, what to change."""
+
+from __future__ import annotations
+
+import difflib
+from dataclasses import dataclass
+
+from part2gs_robotics.errors import CheckError
+
+MEASURED = "measured on finished twins"
+CONTRACT = "contract of the twin folder, docs/conventions.md"
+
+
+@dataclass(frozen=True)
+class Explained:
+    """One check in words.
+
+    Attributes:
+        what: it looks at.  source: of its threshold.  change: what mends a failure.
+    """
+
+    what: str
+    source: str
+    change: str
+
+
+def _x(what: str, source: str, change: str) -> Explained:
+    return Explained(what, source, change)
+
+
+CHECKS = {
+    "compile": _x("every model file loads in the installed MuJoCo without a warning",
+                  "no error, no warning", "correct the file at the place the engine names"),
+    "same twin": _x("twin_actuated.xml is twin.xml with servos", CONTRACT,
+                    "make both files say the same, or build the twin again"),
+    "mesh": _x("every visual mesh is a closed solid whose faces look outwards",
+               "manifold3d and trimesh agree",
+               "restore or repair the visual mesh in assets/: close its holes, turn its faces out"),
+    "self-intersection": _x("faces of one mesh do not cut each other", "a warning only",
+                            "nothing, or build with another --resolution"),
+    "inertia": _x("what moves has a mass and an inertia that a body can have",
+                  "A + B >= C for any body", "recompute <inertial> from the closed mesh"),
+    "limits": _x("a joint's range is one, and holds both observed states", CONTRACT,
+                 "widen the joint's range to both states in twin.xml, twin.urdf and twin.yaml"),
+    "observed state": _x("parts do not overlap at the observed states",
+                         "0.2 % of the size: a millimetre or two of a household object",
+                         "correct the keyframe or the joint: parts stand in each other there"),
+    "actuation": _x("every joint can be driven", "one position servo per joint",
+                    "give the joint a name, a range and a position servo"),
+    "warnings": _x("the engine says nothing while a joint is driven", "none",
+                   "lower the servo's kp or the time step; look at masses near zero"),
+    "reach": _x("a servo takes its joint from 5 % to 95 % of the range and back",
+                "99 %: a servo of ours droops by 0.4 %",
+                "something blocks the joint (see overlap, phantom contact), or its servo is too "
+                "weak: raise forcerange and kp"),
+    "tracking": _x("a joint follows its command", "10 %: a critically damped servo lags 4 %",
+                   "raise kp and forcerange of the servo, or free the joint"),
+    "others still": _x("driving one joint moves no other", "0.1 deg or 0.1 % of the size",
+                       "part the collision pieces that push, or raise friction of the other"),
+    "overlap": _x("true surfaces do not overlap anywhere in the ranges", "0.2 % of the size",
+                  "correct the joint's axis, origin or range, or carve the meshes where they meet"),
+    "phantom contact": _x("collision pieces do not touch where true surfaces do not",
+                          "0.2 % of the size", "cut the collision pieces into smaller convex ones"),
+    "collision": _x("collision pieces stand for the part: cover it, and do not stick out",
+                    f"{MEASURED}: IoU 0.62 to 1, pieces stick out by up to 4.2 % of the size",
+                    "make the part's collision pieces again from its visual mesh"),
+    "part built": _x("every part that was decided on was built", "all",
+                     "give views that show the part, or raise --resolution"),
+    "time step": _x("a halved time step ends in the same place", "1 % of the range",
+                    "lower the time step in scene.xml, or the servo's gain"),
+    "gain x 100": _x("a hundred times stiffer servo ends in the same place", "1 % of the range",
+                     "lower the time step in scene.xml"),
+    "hold": _x("servos hold every joint where it is: it neither creeps nor falls away",
+               "0.1 % of the range per second, 1 % in all",
+               "raise kp and forcerange of the servo in twin_actuated.xml, or lower the mass"),
+    "passive": _x("without servos nothing gains energy, from either observed state",
+                  "1 % of m g size", "part what overlaps there; lower the time step"),
+    "push": _x("a finger opens every joint of the passive twin", "10 % of the carried weight",
+               "lower friction and damping of the joint, or free it"),
+    "drift": _x("let go, nothing moves by itself", "1 % of the range",
+                "part the collision pieces that push each other at that state"),
+    "files": _x("a twin folder is whole", CONTRACT, "build the twin again"),
+    "readable": _x("every file can be read", CONTRACT, "export that format again"),
+    "provenance": _x("every number of twin.yaml has a value and says where it comes from", CONTRACT,
+                     "give it a source: measured, fitted, derived or assumed"),
+    "own numbers": _x("twin.yaml does not contradict itself", CONTRACT,
+                      "correct the number in twin.yaml"),
+    "mass of mesh": _x("masses, centres and inertias are those of the meshes and densities",
+                       "1e-5: digits of meshes", "restore the mesh or the number in twin.yaml"),
+    "loose bits": _x("no bit of a mesh floats away from everything", f"5 % of the size; {MEASURED}",
+                     "remove the bit from the mesh"),
+    "assets": _x("meshes, pieces, materials and pictures are there", CONTRACT,
+                 "restore the file, or build the twin again"),
+    "same bodies": _x("all files have the same parts, hung on the same carriers", CONTRACT,
+                      "name and hang the part as the other files do"),
+    "same mass": _x("all files have the same masses", "1e-6: ten digits",
+                    "write the mass that the other files say"),
+    "same center": _x("all files have the same centres of mass", "1e-6 of the size: ten digits",
+                      "write the centre that the other files say"),
+    "same inertia": _x("all files have the same inertias", "1e-6: ten digits",
+                       "write the inertia that the other files say"),
+    "same joint": _x("a joint is of one kind, name, axis, origin and pitch in all files",
+                     "1e-6 of the size at random positions",
+                     "correct axis, origin or type in the file that differs"),
+    "same motion": _x("joints together put every part at one place in all files",
+                      "1e-6 of the size at random positions",
+                      "correct the joint or carrier in the file that differs"),
+    "same limits": _x("a joint has one range in all files", "1e-6: ten digits",
+                      "write the range that the other files say"),
+    "same dynamics": _x("damping, friction, efforts and servos are the same in all files",
+                        "1e-5: six digits; 2 % of what the engine derives",
+                        "write the number that the other files say"),
+    "same states": _x("the observed states are the same in all files", "1e-5: six digits",
+                      "correct the keyframe or the state in the file that differs"),
+    "same surface": _x("all files show the same meshes at the same place",
+                       "1e-6 of the size: float32", "correct the mesh or its place in the file"),
+    "collision there": _x("every part collides in every file", "one piece or more",
+                          "give the part its collision pieces"),
+    "same collision": _x("all files have the collision pieces of twin.yaml at the same place",
+                         "1e-6 of the size: float32", "correct the pieces in the file that differs"),
+    "same pose": _x("an exported file stands upright, in its format's unit", "1e-6",
+                    "export that format again"),
+    "contact rules": _x("pieces meet whatever they touch, and press back",
+                        "MuJoCo's manual: positive solref; margins below 0.2 % of the size",
+                        "put contype, conaffinity, solref, solimp, margin, friction back"),
+    "contact exclude": _x("no pair is excluded from contact that comes near each other",
+                          "0.2 % of the size", "remove <exclude>, and part what overlaps"),
+    "servos": _x("every joint has one servo in twin_actuated.xml, none in twin.xml, no stiffer than "
+                 "the time step allows", "frequency x step <= 4.83: implicit, critically damped",
+                 "give each joint one position servo of the kp in twin.yaml"),
+    "own settings": _x("a twin changes nothing beside it, and hangs on its joints alone", CONTRACT,
+                       "move options into scene.xml; remove welds, tendons, springs"),
+    "options": _x("gravity, time step and flags of scene.xml are those of twin.yaml",
+                  "9.81 m/s2 along -up in scene units", "correct <option> in scene.xml"),
+    "clear world": _x("ground and other things of scene.xml do not touch the twin", "no contact",
+                      "move the ground away from the twin"),
+}  # fmt: skip
+
+
+def check_id(name: str) -> str:
+    """Return the id of a check, which has dashes where its name has blanks."""
+    return name.replace(" ", "-")
+
+
+def explain(wanted: str) -> str:
+    """Return what a check looks at, its threshold's source and what mends it, as text.
+
+    Args:
+        wanted: id, or name with blanks.
+
+    Raises:
+        CheckError: if there is no such check.
+    """
+    name = next((n for n in CHECKS if wanted in (n, check_id(n))), "")
+    if not name:
+        near = difflib.get_close_matches(wanted, CHECKS, n=1, cutoff=0.0)[0]
+        raise CheckError(f"{wanted[:60]}: no such check id. Nearest: {check_id(near)}; expected "
+                         f"one of {', '.join(map(check_id, CHECKS))}.")
+    found = CHECKS[name]
+    return (f"{check_id(name)}: {found.what}.\nthreshold: {found.source}.\n"
+            f"if it fails: {found.change}.\n")
