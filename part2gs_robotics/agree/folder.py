@@ -149,6 +149,7 @@ def _alone(folder: Path, models: Mapping[str, mujoco.MjModel], told: Told, size:
         told_gravity = array(told.document, "gravity", (3,)) if told.document else np.full(3, NO)
         given = told_gravity if told.document else models[SCENE].opt.gravity
         rows += world.extras(SCENE, models[SCENE]) + world.contact_rules(SCENE, models[SCENE], size)
+        rows += world.servo_rules(SCENE, models[SCENE], 1, step)
         rows += world.options(models[SCENE], told.twin, np.array(given), step)
         rows += world.clear_world(models[SCENE])
     return rows

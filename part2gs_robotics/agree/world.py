@@ -19,6 +19,9 @@ if TYPE_CHECKING:
 SAME = 1e-6  # relative; files have ten digits
 STABLE = 4.83  # servo frequency x step: up to it an implicit, critically damped servo settles
 WIDE = 0.002  # of the size: a margin beyond what `overlap` allows pushes parts that do not touch
+SOFT = 0.1  # s in which a contact gives back; the engine's own is 0.02, ours 0.008
+# The least an engine may try: half of MuJoCo's own iterations, a hundred times its tolerance.
+TRIES, LAX = 50, 1e-6
 REACH = 9  # positions of every joint at which excluded parts are looked at
 
 
@@ -42,6 +45,9 @@ def contact_rules(file: str, model: mujoco.MjModel, size: float) -> list[Finding
         elif model.geom_solref[g, 0] <= 0:
             text = f"has solref {model.geom_solref[g].tolist()}, past the engine's stability clamp"
             goal = "a positive solref, two time steps or more"
+        elif not model.geom_solref[g, 0] <= SOFT:
+            text = f"has solref {model.geom_solref[g].tolist()}, so soft that it lets through"
+            goal = "solref 0.008 1"
         elif not 0 < model.geom_solimp[g, 0] <= model.geom_solimp[g, 1] < 1:
             text, goal = f"has solimp {model.geom_solimp[g].tolist()}", "solimp 0.9 0.95 0.001"
         elif not abs(model.geom_margin[g]) + abs(model.geom_gap[g]) <= WIDE * size:
@@ -169,6 +175,11 @@ def options(model: mujoco.MjModel, twin: Twin | None, told: F64, step: float) ->
     for name, good in (("disableflags", 0), ("density", 0.0), ("viscosity", 0.0)):
         if getattr(found, name) != good:
             faults.append((file, f"{name} is {getattr(found, name)}", f"set {name} back to {good}"))
+    if not (found.iterations >= TRIES and found.tolerance <= LAX and found.impratio >= 1):
+        faults.append((file, f"the solver has {found.iterations} iterations, tolerance "
+                       f"{found.tolerance:g}, impratio {found.impratio:g}",
+                       f"give it {TRIES} iterations or more, tolerance {LAX:g} or less, impratio 1 "
+                       "or more"))
     if np.abs(found.wind).max() > 0:
         faults.append((file, f"wind is {found.wind.tolist()}", "remove <option wind>"))
     if int(found.enableflags) & 1:
@@ -193,6 +204,10 @@ def clear_world(model: mujoco.MjModel) -> list[Finding]:
                 one, two = (model.geom(g).name or f"geom {g}" for g in geoms)
                 out.append(fails("clear world", "scene.xml", f"{one} touches {two} at "
                                  f"{model.key(k).name}", f"scene.xml: move {one} or {two} away"))
+    planes = (model.geom_type == int(mujoco.mjtGeom.mjGEOM_PLANE)) & (model.geom_bodyid == 0)
+    if not planes.any():
+        out.append(fails("clear world", "scene.xml", "has no ground", "scene.xml: add a plane below "
+                         "the twin, or build the twin again"))
     return out[:1] or [Finding("clear world", "scene.xml", "pass", detail="ground is clear of it")]
 
 
