@@ -5,8 +5,21 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from sabotage_tools import Deed, Kind, NotHereError, drop, edit_xml, file, glb, half, obj, plus, put
-from sabotage_tools import swapped, times
+from sabotage_tools import (
+    Deed,
+    Kind,
+    NotHereError,
+    drop,
+    edit_xml,
+    file,
+    glb,
+    half,
+    obj,
+    plus,
+    put,
+    swapped,
+    times,
+)
 
 SDF = "sdf/model.sdf"
 JOINTS = ("same joint", "same motion")
@@ -84,7 +97,8 @@ def _usd() -> list[Kind]:
     return [
         Kind("USD: unit", ("usd/twin.usd",), ("same pose",),
              usd(lambda s, _: s.SetMetadata("metersPerUnit", 0.01))),
-        Kind("USD: mass", ("usd/twin.usd",), ("same mass",), put_usd("part_1", "physics:mass", 99.0)),
+        Kind("USD: mass", ("usd/twin.usd",), ("same mass",),
+             put_usd("part_1", "physics:mass", 99.0)),
         Kind("USD: limit", ("usd/twin.usd",), ("same limits",),
              put_usd("joints/part_1_joint", "physics:upperLimit", 7.0)),
     ]

@@ -72,8 +72,8 @@ def _urdf() -> list[Kind]:
         kind("without inertia", ("same mass", "readable"), drop(URDF, f"{LINK}/inertial")),
         kind("joint's origin shifted", (*JOINTS, "same surface"),
              put(URDF, f"{JOINT}/origin", "xyz", plus(0.05))),
-        kind("limits +-3", ("same limits",), edit_xml(URDF, lambda r: r.find(f"{JOINT}/limit").attrib
-                                                      .update(lower="-3", upper="3"))),
+        kind("limits +-3", ("same limits",), edit_xml(
+            URDF, lambda r: r.find(f"{JOINT}/limit").attrib.update(lower="-3", upper="3"))),
         kind("limits halved", ("same limits",), put(URDF, f"{JOINT}/limit", "upper", times(0.5))),
         kind("effort 0", ("same dynamics",), put(URDF, f"{JOINT}/limit", "effort", "0")),
         kind("velocity 0", ("same dynamics",), put(URDF, f"{JOINT}/limit", "velocity", "0")),

@@ -74,7 +74,8 @@ def _collision() -> list[Kind]:
         Kind("pieces shifted by 10 cm in every file", (*MJCF, "assets"), HITS, both(
             obj(pieces, lambda v: v + 0.1), edit_xml(MJCF, _all_pieces("pos", plus(0.1))),
             put("twin.urdf", "*.//link[@name='part_1']/collision/origin", "xyz", plus(0.1)))),
-        Kind("one piece is lacking", MJCF, HITS, drop(MJCF, f"{PART}/geom[@name='part_1_piece_00']")),
+        Kind("one piece is lacking", MJCF, HITS,
+             drop(MJCF, f"{PART}/geom[@name='part_1_piece_00']")),
         Kind("exclude that hides an overlap", MJCF, ("contact exclude",), both(
             insert(MJCF, ".", "<contact><exclude body1='base' body2='part_1'/></contact>"),
             edit_xml(MJCF, _all_pieces("pos", plus(0.01))))),
@@ -190,7 +191,8 @@ def _states() -> list[Kind]:
             put(MJCF, one, "name", "other"), put(MJCF, other, "name", "state_1"),
             put(MJCF, "keyframe/key[@name='other']", "name", "state_0"))),
         Kind("keyframe halved", MJCF, keys, put(MJCF, one, "qpos", times(0.5))),
-        Kind("keyframe halved in one file", (PASSIVE,), keys, put(PASSIVE, one, "qpos", times(0.5))),
+        Kind("keyframe halved in one file", (PASSIVE,), keys,
+             put(PASSIVE, one, "qpos", times(0.5))),
         Kind("command of a keyframe halved", (DRIVEN,), keys, put(DRIVEN, one, "ctrl", times(0.5))),
         Kind("no keyframe of state 1", MJCF, keys, drop(MJCF, one)),
         Kind("no keyframes", MJCF, keys, drop(MJCF, "keyframe")),

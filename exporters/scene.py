@@ -104,14 +104,18 @@ def _materials(asset: ET.Element) -> None:
 
 
 def _lowest(twin: Twin, up: F64) -> float:
-    """Return the lowest height any part reaches along its range, other joints at 0."""
+    """Return the lowest height any part reaches along its range, other joints at 0, or at state 1.
+
+    Pieces count as well: they may stick out of their part.
+    """
     moving, lowest = moving_parts(twin), np.inf
+    poses = [[part.joint.value for i in moving if (part := twin.parts[i]).joint is not None]]
     for slot, index in enumerate(moving):
         for q in np.linspace(*twin.parts[index].limits, 9):
-            positions = [float(q) if i == slot else 0.0 for i in range(len(moving))]
-            for part, place in zip(twin.parts, part_transforms(twin, positions), strict=True):
-                lowest = min(
-                    lowest,
-                    float((part.mesh.vertices @ (place[:3, :3].T @ up)).min() + up @ place[:3, 3]),
-                )
+            poses.append([float(q) if i == slot else 0.0 for i in range(len(moving))])
+    for positions in poses:
+        for part, place in zip(twin.parts, part_transforms(twin, positions), strict=True):
+            points = np.concatenate([m.vertices for m in (part.mesh, *part.pieces)])
+            lowest = min(lowest,
+                         float((points @ (place[:3, :3].T @ up)).min() + up @ place[:3, 3]))
     return min(lowest, *(float((p.mesh.vertices @ up).min()) for p in twin.parts))

@@ -24,8 +24,8 @@ from part2gs_robotics.sim_checks.subject import UNREAL, Subject
 if TYPE_CHECKING:
     import mujoco
 
-GROUPS = ("compile", "files", "mesh", "inertia", "limits", "states", "actuation", "overlap", "stability",
-          "passive")  # fmt: skip
+GROUPS = ("compile", "files", "mesh", "inertia", "limits", "states", "actuation", "overlap",
+          "stability", "passive")  # fmt: skip
 SLOW = {"stability", "passive"}  # groups that a quick check leaves out
 ACTUATED, WORLD, URDF = "twin_actuated.xml", "scene.xml", "twin.urdf"
 TWIN_FILES = ("twin.xml", ACTUATED, WORLD, URDF)

@@ -118,14 +118,14 @@ def servo_rules(file: str, model: mujoco.MjModel, wanted: int, step: float) -> l
                                             else f"remove the actuators of {name}")))
             continue
         driven += len(mine)
-        kp = max((float(model.actuator_gainprm[a, 0]) for a in mine), default=0.0)
+        kp = max([0.0, *(float(model.actuator_gainprm[a, 0]) for a in mine)])
         felt = float(model.dof_M0[model.jnt_dofadr[j]])
         rate = float(np.sqrt(kp / max(felt, 1e-300))) * step
         if not rate <= STABLE:
             out.append(Finding("servos", f"{file}: {name}", "fail", rate, STABLE, "rad per step",
                                f"kp {kp:.4g} on an inertia of {felt:.4g} at {step:g} s a step",
-                               f"{file}: lower kp of the servo of {name} to what twin.yaml says, or "
-                               "the time step of scene.xml"))
+                               f"{file}: lower kp of {name}'s servo to what twin.yaml says, or the "
+                               "time step of scene.xml"))
     if driven != model.nu and not out:
         out.append(fails("servos", file, f"{model.nu - driven} actuators act on no joint",
                          f"{file}: remove them"))
@@ -206,8 +206,8 @@ def clear_world(model: mujoco.MjModel) -> list[Finding]:
                                  f"{model.key(k).name}", f"scene.xml: move {one} or {two} away"))
     planes = (model.geom_type == int(mujoco.mjtGeom.mjGEOM_PLANE)) & (model.geom_bodyid == 0)
     if not planes.any():
-        out.append(fails("clear world", "scene.xml", "has no ground", "scene.xml: add a plane below "
-                         "the twin, or build the twin again"))
+        out.append(fails("clear world", "scene.xml", "has no ground",
+                         "scene.xml: add a plane below the twin, or build the twin again"))
     return out[:1] or [Finding("clear world", "scene.xml", "pass", detail="ground is clear of it")]
 
 

@@ -26,8 +26,8 @@ class ReportData:
         curves: (label, ((seconds, held-out PSNR in dB), ...)).
         pictures: (caption, photo, render), both [H, W, 3 or 4] uint8.
         checks: result of the simulator checks as JSON-like values; every mapping in it that has a
-            `status` (pass | warn | fail | skipped | incomplete) is one check, with optional `value`,
-            `limit`, `unit` and `note`.
+            `status` (pass | warn | fail | skipped | incomplete) is one check, with optional
+            `value`, `limit`, `unit` and `note`.
         assumed: numbers that nobody measured, one sentence each, beside those marked `assumed`
             in the folder's twin.yaml.
         notes: fallbacks and what was left out, one sentence each.

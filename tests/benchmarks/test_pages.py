@@ -23,6 +23,7 @@ TABLES = {
     ("docs/geometry.md", "pieces"): ("pieces", "pieces", "markdown"),
     ("docs/ladder.md", "ladder"): ("ladder", "ladder", "markdown"),
     ("docs/masks.md", "masks"): ("masks", "masks", "table"),
+    ("docs/sabotage.md", "sabotage"): ("sabotage", "sabotage", "markdown"),
 }
 OWN = {"solids": "solids", "simulators": "simulators", "states": "other_states"}
 

@@ -84,7 +84,9 @@ def test_a_drawer_runs_through_what_closed_its_opening(closed: tuple[int, ...], 
     assert not any("too deep" in note for note in opened.notes)
     write_mjcf(opened, tmp_path)
     report = check(tmp_path, only=("actuation", "overlap"))
-    assert report.ok, format_text(report)
+    # one hull of a drawer is not its drawer, and the row `collision` says so
+    wrong = {r.name for r in report.results if r.status in ("fail", "incomplete")}
+    assert wrong == {"collision"}, format_text(report)
     for part in opened.parts:
         real = to_manifold(part.mesh)
         hulls = [to_manifold(p) for p in part.pieces]
