@@ -112,10 +112,10 @@ def sabotaged(twin: Path, kinds: list[Kind], place: Path) -> dict[str, Any]:
 
 def judged(folder: Path, kind: Kind, own: set[tuple[str, str]]) -> dict[str, Any]:
     """Return what the checker makes of a broken twin: with all checks, and by physics alone."""
-    verdict, report = asked(folder, ("files",), own)
+    verdict, report, said = asked(folder, ("files",), own)
     if verdict == "passed":
-        verdict, report = asked(folder, GROUPS, own)
-    alone, _ = asked(folder, PHYSICS, own)
+        verdict, report, said = asked(folder, GROUPS, own)
+    alone, _, _ = asked(folder, PHYSICS, own)
     failed = [] if report is None else [
         r for r in report.results if r.status in ("fail", "incomplete")
         and (r.name, r.subject) not in own]
@@ -123,23 +123,24 @@ def judged(folder: Path, kind: Kind, own: set[tuple[str, str]]) -> dict[str, Any
     told = any(file in f"{r.subject} {r.detail} {r.cause}" for r in meant for file in kind.files)
     if failed:
         verdict = "caught" if meant else "other"
+    told = told or any(file in said for file in kind.files)
     return {"verdict": verdict, "check": (meant or failed)[0].name if failed else "",
             "named": bool(told), "physics": "caught" if alone == "failed" else alone,
-            "cause": (meant or failed)[0].cause if failed else ""}
+            "cause": (meant or failed)[0].cause if failed else said}
 
 
 def asked(folder: Path, groups: tuple[str, ...], own: set[tuple[str, str]]
-          ) -> tuple[str, CheckReport | None]:
-    """Return failed, passed, refused or crashed, and the report where there is one."""
+          ) -> tuple[str, CheckReport | None, str]:
+    """Return failed, passed, refused or crashed, the report if there is one, and what was said."""
     try:
         report = check(folder, only=groups)
-    except Part2GSError:
-        return "refused", None
+    except Part2GSError as error:
+        return "refused", None, str(error).replace(str(folder.parent), "")
     except Exception as error:  # what the command line would call its own bug
         sys.stderr.write(f"{type(error).__name__}: {error}\n")
-        return "crashed", None
+        return "crashed", None, ""
     new = {(r.name, r.subject) for r in report.results if r.status in ("fail", "incomplete")} - own
-    return ("failed" if new else "passed"), report
+    return ("failed" if new else "passed"), report, ""
 
 
 def markdown(results: list[dict[str, Any]]) -> str:
@@ -148,11 +149,12 @@ def markdown(results: list[dict[str, Any]]) -> str:
     for one in results:
         rows = one["rows"]
         count, before = Counter(r["verdict"] for r in rows), Counter(r["physics"] for r in rows)
-        named = sum(r["named"] for r in rows if r["verdict"] == "caught")
+        named = sum(r["named"] for r in rows)
         lines += [
             f"{one['twin']}, {one['commit']}: {len(rows)} kinds; {count['caught']} caught by the "
-            f"check meant for it ({named} name the file at fault), {count['other']} by another, "
-            f"{count['refused']} refused, {count['crashed']} crashed, {count['passed']} passed.",
+            f"check meant for it, {count['other']} by another, {count['refused']} refused, "
+            f"{count['crashed']} crashed, {count['passed']} passed; {named} name the file at "
+            "fault.",
             "", f"By physics alone {before['caught']} caught, {before['refused']} refused, "
             f"{before['crashed']} crashed, {before['passed']} passed. The clean twin has "
             f"{len(one['clean'])} failing rows; its whole check takes {one['seconds']:.1f} s, "

@@ -201,7 +201,7 @@ def _move_hinge(tree: Any) -> None:
 
 def _meshes() -> list[Kind]:
     def kind(name: str, meant: tuple[str, ...], deed: Deed) -> Kind:
-        return Kind(f"mesh: {name}", ("assets", YAML), meant, deed)
+        return Kind(f"mesh: {name}", ("assets", YAML, "part_1_visual"), meant, deed)
 
     def swap(folder: Path) -> None:
         one, two = folder / SEEN, folder / "assets/base_visual.obj"

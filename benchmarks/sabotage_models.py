@@ -88,6 +88,9 @@ def _collision() -> list[Kind]:
         Kind("contacts of jelly", MJCF, ("contact rules",), put(MJCF, STRIKES, "solref", "2 1")),
         Kind("solimp that lets through", MJCF, ("contact rules",),
              put(MJCF, STRIKES, "solimp", "0 0 0.001")),
+        Kind("a pair of geoms that does not meet", MJCF, ("contact rules",), insert(
+            MJCF, ".", "<contact><pair geom1='base_piece_00' geom2='part_1_piece_00' gap='1'/>"
+            "</contact>")),
         Kind("a margin of 10 cm", MJCF, ("contact rules",), put(MJCF, STRIKES, "margin", "0.1")),
         Kind("no friction of surfaces", MJCF, ("contact rules",),
              put(MJCF, STRIKES, "friction", "0 0 0")),
@@ -161,7 +164,15 @@ def _servos() -> list[Kind]:
     return [
         Kind("kp 1e9", (DRIVEN,), servo, put(DRIVEN, SERVO, "kp", "1e9")),
         Kind("kp x 0.01", (DRIVEN,), servo, put(DRIVEN, SERVO, "kp", times(0.01))),
-        Kind("no actuator", (DRIVEN,), ("servos",), drop(DRIVEN, "*actuator")),
+        Kind("no actuator, keyframes as they were", (DRIVEN,), ("compile",),
+             drop(DRIVEN, "*actuator")),
+        Kind("no actuator", (DRIVEN,), ("servos",), both(
+            drop(DRIVEN, "*actuator"), edit_xml(DRIVEN, lambda r: [
+                k.attrib.pop("ctrl") for k in r.iter("key")]))),
+        Kind("joint lets no force through", (DRIVEN,), ("servos",),
+             put(DRIVEN, JOINT, "actuatorfrcrange", "-1e-3 1e-3")),
+        Kind("servo answers after 10 s", (DRIVEN,), ("servos",), put(DRIVEN, SERVO, "timeconst",
+                                                                     "10")),
         Kind("one servo is lacking", (DRIVEN,), ("servos",), both(
             drop(DRIVEN, SERVO), drop(DRIVEN, "*keyframe"))),
         Kind("motor instead of servo", (DRIVEN,), ("servos", "same dynamics"), edit_xml(
@@ -196,6 +207,9 @@ def _states() -> list[Kind]:
         Kind("command of a keyframe halved", (DRIVEN,), keys, put(DRIVEN, one, "ctrl", times(0.5))),
         Kind("no keyframe of state 1", MJCF, keys, drop(MJCF, one)),
         Kind("no keyframes", MJCF, keys, drop(MJCF, "keyframe")),
+        Kind("a keyframe in motion", MJCF, ("own settings",), edit_xml(MJCF, lambda r: [
+            k.set("qvel", k.get("qpos", "").replace("0 0 0 0 0", "1 1 1 1 1")) for k in r.iter(
+                "key")])),
         Kind("no keyframes in one file", (DRIVEN,), keys, drop(DRIVEN, "keyframe")),
     ]
 
@@ -221,6 +235,12 @@ def _world() -> list[Kind]:
         flag("contact"), flag("gravity"), flag("limit"), flag("actuation"), flag("equality"),
         Kind("scene: ground through the twin", (SCENE,), ("clear world",),
              put(SCENE, "worldbody/geom", "pos", plus(0, 0, 0.1))),
+        Kind("scene: ground that nothing rests on", (SCENE,), ("clear world",), both(
+            put(SCENE, "worldbody/geom", "contype", "0"),
+            put(SCENE, "worldbody/geom", "conaffinity", "0"))),
+        Kind("scene: ground tilted", (SCENE,), ("clear world",),
+             put(SCENE, "worldbody/geom", "zaxis", "0.3 0 1")),
+        option("actuatorgroupdisable", "0"), option("ls_iterations", "1"),
         Kind("scene: no ground", (SCENE,), ("clear world",), drop(SCENE, "worldbody/geom")),
         Kind("scene: includes the passive twin", (SCENE,), ("servos",),
              put(SCENE, "include", "file", "twin.xml")),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 
@@ -26,7 +27,10 @@ def engine_messages() -> Iterator[list[str]]:
     before = mujoco.get_mju_user_warning()
     mujoco.set_mju_user_warning(messages.append)
     try:
-        yield messages
+        with warnings.catch_warnings():  # what its compiler says comes as one of Python's
+            warnings.simplefilter("always", UserWarning)
+            warnings.showwarning = lambda message, *_: messages.append(str(message))
+            yield messages
     finally:
         mujoco.set_mju_user_warning(before)
 

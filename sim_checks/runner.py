@@ -30,6 +30,7 @@ SLOW = {"stability", "passive"}  # groups that a quick check leaves out
 ACTUATED, WORLD, URDF = "twin_actuated.xml", "scene.xml", "twin.urdf"
 TWIN_FILES = ("twin.xml", ACTUATED, WORLD, URDF)
 QUICK_STEPS, QUICK_POSES = 7, 8  # a third and an eighth of what a full check looks at
+MEND = "correct what the engine names, or build the twin again"
 WORDS = {  # the engine's message, and what to do about it
     "coplanar": "a collision piece is flat; give it thickness or drop it",
     "volume is negative": "the faces of a mesh point inwards; turn them",
@@ -84,7 +85,7 @@ def check(
         # the engine keeps meshes by name and second of change: a file rewritten at once is stale
         mujoco.mj_clearCache(mujoco.mj_getCache())
         results, models, compiled = _compile(files, messages)
-        if folder is not None and "files" in wanted and len(files) > 1:
+        if folder is not None and "files" in wanted and (summary is not None or files[1:]):
             results += _files_rows(folder, compiled)
         report = CheckReport(str(path), engine, tuple(with_causes(results)))
         messages.clear()
@@ -167,7 +168,8 @@ def _compile(files: list[Path], messages: list[str]) -> Compiled:
                 options = model.opt
         except ValueError as error:
             said = _plain_words(str(error))
-            rows[file.name] = CheckResult("compile", file.name, "fail", detail=said)
+            rows[file.name] = CheckResult("compile", file.name, "fail", detail=said,
+                                          cause=f"{file.name}: {MEND}")
             continue
         said = "; ".join(distinct(messages))
         status, said = passed(not said), said or "no warning"

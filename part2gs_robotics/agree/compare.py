@@ -17,6 +17,7 @@ DAMPED = 0.9  # of a servo's damping: the engine's own inertia makes it 0.68 ano
 FLOAT = 1e-6  # of places: the engine keeps corners as float32, eight digits of the coordinate
 TOLD = 4  # rows per check: more files or parts with one fault say nothing new
 LOOSE = {"kv": DAMPED}
+STATES = ("state_0", "state_1", "command state_0", "command state_1")
 Value = Callable[[Body], F64 | None]
 
 
@@ -262,7 +263,13 @@ def _numbers(files: Sequence[Described], names: Sequence[str]) -> list[Finding]:
 def _states(files: Sequence[Described], names: Sequence[str]) -> list[Finding]:
     table = _said(files, names, lambda d: {k: v for k, v in d.states.items()
                                            if k.removeprefix("command ") in ("state_0", "state_1")})
-    return _rows("same states", "", relative, _all(files, SHORT), table)
+    keys = {f.file: set().union(*(d.states for n in names
+                                  if (d := f.bodies[n].drive) is not None)) for f in files}
+    out = [fails("same states", f, f"has no {k}", f"{f}: add the keyframe {k.split()[-1]}"
+                 f"{' with its ctrl' if ' ' in k else ''}, or build the twin again")
+           for f, own in keys.items() if f.endswith(".xml") and names
+           for k in STATES if k not in own and (f != "twin.xml" or " " not in k)]
+    return out[:TOLD] or _rows("same states", "", relative, _all(files, SHORT), table)
 
 
 def _pieces(files: Sequence[Described], names: Sequence[str], near: Mapping[str, float]

@@ -97,7 +97,8 @@ def _pitch(model: mujoco.MjModel, joint: int) -> float:
         pair = (int(model.eq_obj1id[e]), int(model.eq_obj2id[e]))
         coupled = int(model.eq_type[e]) == int(mujoco.mjtEq.mjEQ_JOINT) and model.eq_active0[e]
         if coupled and pair == (joint + 1, joint):
-            return float(model.eq_data[e, 1])
+            bent = np.delete(np.array(model.eq_data[e, :5]), 1).any()
+            return NO if bent else float(model.eq_data[e, 1])
     return 0.0
 
 

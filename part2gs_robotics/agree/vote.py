@@ -47,7 +47,8 @@ def vote(values: Mapping[str, F64], far: Far, limits: Mapping[str, float]) -> Vo
     voters = [n for n in names if COPIES.get(n) not in names]
     near = {a: [b for b in names if gaps[a][b] <= max(limits.get(a, 0.0), limits.get(b, 0.0))]
             for a in names}
-    winner = max(voters, key=lambda n: (len(set(near[n]) & set(voters)), -names.index(n)))
+    exact = min(limits.get(n, 0.0) for n in voters)  # a looser one would be like two that differ
+    winner = max((n for n in voters if limits.get(n, 0.0) <= exact), key=lambda n: (len(set(near[n]) & set(voters)), -names.index(n)))
     agreed = tuple(near[winner]) or (winner,)
     odd = {n: gaps[winner][n] for n in names if n not in agreed}
     for copy, source in COPIES.items():  # told once, where it is written

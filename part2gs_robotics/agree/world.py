@@ -19,9 +19,11 @@ if TYPE_CHECKING:
 SAME = 1e-6  # relative; files have ten digits
 STABLE = 4.83  # servo frequency x step: up to it an implicit, critically damped servo settles
 WIDE = 0.002  # of the size: a margin beyond what `overlap` allows pushes parts that do not touch
+COLLISION = 3  # group of what collides, by the contract of the twin folder
 SOFT = 0.1  # s in which a contact gives back; the engine's own is 0.02, ours 0.008
 # The least an engine may try: half of MuJoCo's own iterations, a hundred times its tolerance.
 TRIES, LAX = 50, 1e-6
+LEVEL = 0.9999  # cosine between ground and gravity: 0.8 degrees, on which nothing rolls
 REACH = 9  # positions of every joint at which excluded parts are looked at
 
 
@@ -48,6 +50,8 @@ def contact_rules(file: str, model: mujoco.MjModel, size: float) -> list[Finding
         elif not model.geom_solref[g, 0] <= SOFT:
             text = f"has solref {model.geom_solref[g].tolist()}, so soft that it lets through"
             goal = "solref 0.008 1"
+        elif model.geom_bodyid[g] and model.geom_group[g] != COLLISION:
+            text, goal = f"collides in group {model.geom_group[g]}", f"group {COLLISION}"
         elif not 0 < model.geom_solimp[g, 0] <= model.geom_solimp[g, 1] < 1:
             text, goal = f"has solimp {model.geom_solimp[g].tolist()}", "solimp 0.9 0.95 0.001"
         elif not abs(model.geom_margin[g]) + abs(model.geom_gap[g]) <= WIDE * size:
@@ -64,9 +68,8 @@ def contact_rules(file: str, model: mujoco.MjModel, size: float) -> list[Finding
 def _pairs(file: str, model: mujoco.MjModel, size: float) -> list[Finding]:
     out = []
     if model.npair:
-        out.append(Finding("contact rules", file, "warn", float(model.npair), detail="contact "
-                           "pairs with rules of their own", cause=f"{file}: drop <pair> unless "
-                           "meant"))
+        out.append(fails("contact rules", file, f"{model.npair} pairs of geoms with contact rules "
+                         "of their own", f"{file}: remove <pair>; what its geoms say must do"))
     for pair in model.exclude_signature:
         one, two = int(pair) >> 16, int(pair) & 0xFFFF
         names = f"{model.body(one).name} and {model.body(two).name}"
@@ -117,6 +120,9 @@ def servo_rules(file: str, model: mujoco.MjModel, wanted: int, step: float) -> l
                              f"{file}: " + (f"add a position servo to {name}" if goal
                                             else f"remove the actuators of {name}")))
             continue
+        if text := _unlike_servo(model, j, mine):
+            out.append(fails("servos", f"{file}: {name}", text,
+                             f"{file}: give {name} one plain <position> servo, as twin.yaml says"))
         driven += len(mine)
         kp = max([0.0, *(float(model.actuator_gainprm[a, 0]) for a in mine)])
         felt = float(model.dof_M0[model.jnt_dofadr[j]])
@@ -132,6 +138,17 @@ def servo_rules(file: str, model: mujoco.MjModel, wanted: int, step: float) -> l
     return out[:4] or [Finding("servos", file, "pass", detail=f"{wanted} per joint")]
 
 
+def _unlike_servo(model: mujoco.MjModel, joint: int, actuators: list[int]) -> str:
+    """Return why an actuator is no position servo, or why its force does not arrive."""
+    for a in actuators:
+        if not (model.actuator_biasprm[a, 1] < 0 < model.actuator_gainprm[a, 0]):
+            return "its actuator is no position servo"
+        if int(model.actuator_dyntype[a]):
+            return "its actuator answers late (dyntype)"
+    limited = actuators and model.jnt_actfrclimited[joint]
+    return f"actuatorfrcrange holds {model.jnt_actfrcrange[joint]} back" if limited else ""
+
+
 def extras(file: str, model: mujoco.MjModel) -> list[Finding]:
     """Return what holds or lifts parts besides joints: welds, tendons, springs, no gravity."""
     import mujoco
@@ -142,13 +159,20 @@ def extras(file: str, model: mujoco.MjModel) -> list[Finding]:
     found = {"constraints besides those of screws": model.neq - screws, "tendons": model.ntendon,
              "bodies without their weight (gravcomp)": int((model.body_gravcomp != 0).sum()),
              "joints with springs": int((model.jnt_stiffness != 0).sum()),
-             "joints whose limits give way (negative solreflimit)":
-                 int((model.jnt_solref[:, 0] <= 0).sum()),
+             "joints whose limits give way (solreflimit, solimplimit, margin)": int(_soft(model)),
+             "keyframes in motion (qvel)": int((model.key_qvel != 0).any(1).sum()),
              "free or ball joints": int((model.jnt_type < 2).sum())}
     out = [fails("own settings", file, f"{count} {what}",
                  f"{file}: remove them; a twin's parts hang on their joints alone")
            for what, count in found.items() if count > 0]
     return out or [Finding("own settings", file, "pass", detail="parts hang on joints alone")]
+
+
+def _soft(model: mujoco.MjModel) -> int:
+    """Return how many joints have a limit that does not press back."""
+    press = (model.jnt_solref[:, 0] > 0) & (model.jnt_solref[:, 0] <= SOFT)
+    press &= (model.jnt_solimp[:, 0] > 0) & (model.jnt_margin == 0)
+    return int((~press).sum())
 
 
 def options(model: mujoco.MjModel, twin: Twin | None, told: F64, step: float) -> list[Finding]:
@@ -172,14 +196,16 @@ def options(model: mujoco.MjModel, twin: Twin | None, told: F64, step: float) ->
     if not 0 < found.timestep <= step * (1 + SAME):
         faults.append((file, f"timestep is {found.timestep:g} s; twin.yaml has {step:g} s, which "
                        "its servos need", f"set <option timestep> to {step:g} or less"))
-    for name, good in (("disableflags", 0), ("density", 0.0), ("viscosity", 0.0)):
+    for name, good in (("disableflags", 0), ("disableactuator", 0), ("density", 0.0),
+                       ("viscosity", 0.0)):
         if getattr(found, name) != good:
             faults.append((file, f"{name} is {getattr(found, name)}", f"set {name} back to {good}"))
-    if not (found.iterations >= TRIES and found.tolerance <= LAX and found.impratio >= 1):
-        faults.append((file, f"the solver has {found.iterations} iterations, tolerance "
+    tries = min(found.iterations, 2 * found.ls_iterations, 2 * found.ccd_iterations)
+    if not (tries >= TRIES and found.tolerance <= LAX and found.impratio >= 1):
+        faults.append((file, f"the solver has {found.iterations} iterations, {found.ls_iterations} "
+                       f"of lines, {found.ccd_iterations} of shapes, tolerance "
                        f"{found.tolerance:g}, impratio {found.impratio:g}",
-                       f"give it {TRIES} iterations or more, tolerance {LAX:g} or less, impratio 1 "
-                       "or more"))
+                       "remove these from <option>, or raise them to MuJoCo's own"))
     if np.abs(found.wind).max() > 0:
         faults.append((file, f"wind is {found.wind.tolist()}", "remove <option wind>"))
     if int(found.enableflags) & 1:
@@ -204,11 +230,24 @@ def clear_world(model: mujoco.MjModel) -> list[Finding]:
                 one, two = (model.geom(g).name or f"geom {g}" for g in geoms)
                 out.append(fails("clear world", "scene.xml", f"{one} touches {two} at "
                                  f"{model.key(k).name}", f"scene.xml: move {one} or {two} away"))
-    planes = (model.geom_type == int(mujoco.mjtGeom.mjGEOM_PLANE)) & (model.geom_bodyid == 0)
-    if not planes.any():
-        out.append(fails("clear world", "scene.xml", "has no ground",
-                         "scene.xml: add a plane below the twin, or build the twin again"))
-    return out[:1] or [Finding("clear world", "scene.xml", "pass", detail="ground is clear of it")]
+    return out[:1] or _ground(model) or [Finding("clear world", "scene.xml", "pass", detail="ground is clear of it")]
+
+
+def _ground(model: mujoco.MjModel) -> list[Finding]:
+    """Return that there is no level, solid ground."""
+    import mujoco
+
+    planes = np.flatnonzero((model.geom_type == int(mujoco.mjtGeom.mjGEOM_PLANE))
+                            & (model.geom_bodyid == 0))
+    down = np.array(model.opt.gravity) / max(float(np.linalg.norm(model.opt.gravity)), 1e-300)
+    for g in planes:
+        frame = np.zeros(9)
+        mujoco.mju_quat2Mat(frame, model.geom_quat[g])
+        level = float(frame.reshape(3, 3)[:, 2] @ down) < -LEVEL
+        if level and (model.geom_contype[g] or model.geom_conaffinity[g]):
+            return []
+    return [fails("clear world", "scene.xml", "has no level ground that things rest on",
+                  "scene.xml: add a plane below the twin, its zaxis up, or build the twin again")]
 
 
 def leaking(path: Path) -> list[Finding]:
@@ -217,8 +256,12 @@ def leaking(path: Path) -> list[Finding]:
 
     root = ET.parse(path).getroot()
     tags = [t for t in ("option", "compiler", "size", "statistic") if root.find(t) is not None]
+    tags += [f"joint {j.get('name')}" for j in root.iter("joint")
+             if j.get("type") in ("free", "ball")]
+    tags += ["freejoint" for _ in root.iter("freejoint")]
     for default in root.iterfind("default"):
         tags += [f"default {kind.tag}" for kind in default if kind.tag != "default"]
-    return [fails("own settings", path.name, f"<{tag}> counts for every model beside the twin",
-                  f"{path.name}: move <{tag}> into scene.xml or a class of the twin's own")
+    return [fails("own settings", path.name,
+                  f"<{tag}> frees the twin, or counts for every model beside it",
+                  f"{path.name}: remove <{tag}>, or move it into scene.xml or a class of its own")
             for tag in tags]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import warnings
 from pathlib import Path
 
 import mujoco
@@ -83,3 +84,11 @@ def test_capture_says_warnings_and_leaves_no_file(
         capture(path, here / "scene", Shots(4, size=32))
     assert [r.getMessage() for r in caplog.records if "nan" in r.getMessage().lower()]
     assert not any(Path.cwd().iterdir())
+
+
+def test_warnings_of_the_compiler_are_messages_too() -> None:
+    with engine_messages() as said:
+        warnings.warn("Inertia matrix is too close to singular", UserWarning, stacklevel=1)
+    assert said == ["Inertia matrix is too close to singular"]
+    with pytest.raises(UserWarning):
+        warnings.warn("outside, it is one of Python's again", UserWarning, stacklevel=1)

@@ -1,0 +1,62 @@
+"""Sabotage is done, found by the check meant for it, and counted; a clean twin stays clean."""
+
+from __future__ import annotations
+
+import json
+import shutil
+
+import pytest
+from test_pages import RESULTS
+
+EVERY = 9  # of the kinds: all of them take minutes
+
+
+@pytest.fixture(scope="module")
+def clean(tmp_path_factory):
+    return tmp_path_factory.mktemp("sabotage")
+
+
+def test_every_ninth_kind_is_caught_again_as_stored(load, clean) -> None:
+    sabotage = load("sabotage")
+    twin = sabotage.cabinet(clean / "cabinet")
+    stored = {r["kind"]: r for r in json.loads((RESULTS / "sabotage.json").read_text())[0]["rows"]}
+    assert set(stored) == {k.name for k in sabotage.KINDS}
+    for kind in sabotage.KINDS[::EVERY]:
+        copy = clean / "broken"
+        shutil.rmtree(copy, ignore_errors=True)
+        shutil.copytree(twin, copy)
+        kind.deed(copy)
+        verdict, report, _ = sabotage.asked(copy, ("files",), set())
+        names = {r.name for r in report.results if r.status == "fail"} if report else set()
+        found = stored[kind.name]
+        if found["verdict"] == "refused":
+            assert verdict == "refused", kind.name
+        else:
+            assert found["check"] in names or verdict == "passed", kind.name
+
+
+def test_kinds_are_many_and_their_names_differ(load) -> None:
+    kinds = load("sabotage").KINDS
+    assert len({k.name for k in kinds}) == len(kinds) >= 100
+    catalogue = load("part2gs_robotics.agree.catalogue").CHECKS
+    assert {check for k in kinds for check in k.meant} <= set(catalogue)
+
+
+def test_what_is_not_there_is_not_counted(load, clean) -> None:
+    tools = load("sabotage_tools")
+    (clean / "twin.xml").write_text("<mujoco/>")
+    with pytest.raises(tools.NotHereError):
+        tools.put("twin.xml", ".//joint", "axis", "1 0 0")(clean)
+    with pytest.raises(tools.NotHereError):
+        tools.file("none.obj", None)(clean)
+
+
+def test_the_table_counts_what_rows_say(load) -> None:
+    row = {"kind": "k", "verdict": "caught", "check": "same mass", "named": True,
+           "physics": "passed", "cause": ""}
+    rows = [row, row | {"verdict": "passed", "named": False}]
+    text = load("sabotage").markdown([{"twin": "t", "commit": "c", "clean": [], "seconds": 2.0,
+                                       "files_seconds": 0.2, "rows": rows}])
+    assert "2 kinds; 1 caught by the check meant for it, 0 by another, 0 refused" in text
+    assert "1 passed; 1 name the file at fault" in text
+    assert "By physics alone 0 caught, 0 refused, 0 crashed, 2 passed" in text
