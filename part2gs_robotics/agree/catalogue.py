@@ -108,7 +108,7 @@ CHECKS = {
     "same limits": _x("a joint has one range in all files", "1e-6: ten digits",
                       "write the range that the other files say"),
     "same dynamics": _x("damping, friction, efforts and servos are the same in all files",
-                        "1e-5: six digits; a tenth to ten times the damping that the engine derives",
+                        "1e-5: six digits; kv within ten times what the engine derives",
                         "write the number that the other files say"),
     "same states": _x("the observed states are the same in all files", "1e-5: six digits",
                       "correct the keyframe or the state in the file that differs"),

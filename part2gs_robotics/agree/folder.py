@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -78,7 +79,7 @@ def _agreement(folder: Path, models: Mapping[str, mujoco.MjModel]) -> list[Findi
     out += found
     files = [told.described] if told.described else []
     readers: list[tuple[str, Callable[[], Described | None]]] = [
-        (n, lambda n=n: of_mujoco(n, models[n])) for n in NEEDED if n in models and n != URDF]
+        (n, partial(of_mujoco, n, models[n])) for n in NEEDED if n in models and n != URDF]
     if (folder / URDF).is_file():
         readers.append((URDF, lambda: of_urdf(folder / URDF, Meshes(folder))))
     twin = told.twin

@@ -82,7 +82,7 @@ def array(entry: object, key: str, shape: tuple[int, ...]) -> F64:
 
 def provenance(document: dict[str, object]) -> list[Finding]:
     """Return what lacks its value or where it comes from, one passing row if nothing does."""
-    wanted = [("", document, WHOLE)]
+    wanted: list[tuple[str, dict[str, object], tuple[str, ...]]] = [("", document, WHOLE)]
     wanted += [(f"parts.{e.get('name')}.", e, PART) for e in _entries(document, "parts")]
     wanted += [(f"joints.{e.get('name')}.", e, JOINT) for e in _entries(document, "joints")]
     lacking = [f"{path}{key}" for path, entry, keys in wanted for key in keys

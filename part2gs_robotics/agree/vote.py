@@ -48,7 +48,8 @@ def vote(values: Mapping[str, F64], far: Far, limits: Mapping[str, float]) -> Vo
     near = {a: [b for b in names if gaps[a][b] <= max(limits.get(a, 0.0), limits.get(b, 0.0))]
             for a in names}
     exact = min(limits.get(n, 0.0) for n in voters)  # a looser one would be like two that differ
-    winner = max((n for n in voters if limits.get(n, 0.0) <= exact), key=lambda n: (len(set(near[n]) & set(voters)), -names.index(n)))
+    winner = max((n for n in voters if limits.get(n, 0.0) <= exact),
+                 key=lambda n: (len(set(near[n]) & set(voters)), -names.index(n)))
     agreed = tuple(near[winner]) or (winner,)
     odd = {n: gaps[winner][n] for n in names if n not in agreed}
     for copy, source in COPIES.items():  # told once, where it is written

@@ -90,7 +90,7 @@ def _nearest(model: mujoco.MjModel, pair: tuple[int, int]) -> tuple[float, list[
     pieces = [[g for g in range(model.ngeom) if model.geom_bodyid[g] == b
                and (model.geom_contype[g] or model.geom_conaffinity[g])] for b in pair]
     for j in range(model.njnt):
-        for q in np.linspace(*model.jnt_range[j], REACH):
+        for q in np.linspace(float(model.jnt_range[j, 0]), float(model.jnt_range[j, 1]), REACH):
             data.qpos[:] = 0
             data.qpos[model.jnt_qposadr[j]] = q
             mujoco.mj_kinematics(model, data)
@@ -230,7 +230,8 @@ def clear_world(model: mujoco.MjModel) -> list[Finding]:
                 one, two = (model.geom(g).name or f"geom {g}" for g in geoms)
                 out.append(fails("clear world", "scene.xml", f"{one} touches {two} at "
                                  f"{model.key(k).name}", f"scene.xml: move {one} or {two} away"))
-    return out[:1] or _ground(model) or [Finding("clear world", "scene.xml", "pass", detail="ground is clear of it")]
+    clear = Finding("clear world", "scene.xml", "pass", detail="ground is clear of it")
+    return out[:1] or _ground(model) or [clear]
 
 
 def _ground(model: mujoco.MjModel) -> list[Finding]:

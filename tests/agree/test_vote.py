@@ -48,7 +48,7 @@ def test_distances() -> None:
     assert apart(np.zeros(2), np.zeros(3)) == np.inf
     square = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0.0]])
     assert cloud(square, square[[2, 0, 1, 3]]) == 0.0, "the order is no difference"
-    assert cloud(square, square + [0, 0, 0.25]) == 0.25
+    assert cloud(square, square + np.array([0, 0, 0.25])) == 0.25
     assert cloud(square, np.vstack([square, [[1, 1, 2.0]]])) == 2.0, "both ways"
     assert cloud(np.vstack([square, [[1, 1, 2.0]]]), square) == 2.0
     assert cloud(np.zeros((0, 3)), square) == np.inf
