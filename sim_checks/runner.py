@@ -141,13 +141,6 @@ def _compile(files: list[Path], messages: list[str]) -> Compiled:
 
     A twin holds no options of its own: those of scene.xml count for all files of a folder.
     """
-    from part2gs_robotics.sim_checks.subject import (
-        actuated_twin,
-        load_spec,
-        make_subject,
-        require_finite,
-    )
-
     rows: dict[str, CheckResult] = {}
     subjects: dict[str, Subject] = {}
     compiled: dict[str, mujoco.MjModel] = {}
@@ -156,21 +149,16 @@ def _compile(files: list[Path], messages: list[str]) -> Compiled:
         check_model_files(file)
         messages.clear()
         try:
-            compiled[file.name] = model = load_spec(file)[0].compile()
-            require_finite(model)
-            if file == files[0]:
-                subjects[file.name] = make_subject(file, options, servos=ACTUATED not in names)
-                if model.nbody == 1 and not model.ngeom:
-                    messages.append("the model is empty")
-            elif file.name == ACTUATED and names[0] in subjects:
-                subjects[ACTUATED] = actuated_twin(subjects[names[0]], file, options)
-            elif file.name == WORLD and ACTUATED in names:
-                options = model.opt
+            compiled[file.name] = model = _load(file, names, subjects, options)
         except ValueError as error:
             said = _plain_words(str(error))
             rows[file.name] = CheckResult("compile", file.name, "fail", detail=said,
                                           cause=f"{file.name}: {MEND}")
             continue
+        if file.name == WORLD and ACTUATED in names:
+            options = model.opt
+        if file == files[0] and model.nbody == 1 and not model.ngeom:
+            messages.append("the model is empty")
         said = "; ".join(distinct(messages))
         status, said = passed(not said), said or "no warning"
         rows[file.name] = CheckResult("compile", file.name, status, detail=said)
@@ -181,6 +169,26 @@ def _compile(files: list[Path], messages: list[str]) -> Compiled:
         return results, None, compiled
     driven = subjects.get(ACTUATED, still)
     return [*results, *_same(still, driven)], Models(still, driven), compiled
+
+
+def _load(file: Path, names: list[str], subjects: dict[str, Subject],
+          options: mujoco.MjOption | None) -> mujoco.MjModel:
+    """Compile one file, and make it a subject where the checks look at it.
+
+    Raises:
+        ValueError: MuJoCo's own message, or a number that no model can have.
+    """
+    from part2gs_robotics.sim_checks.subject import actuated_twin, compile_spec, make_subject
+
+    if file.name == names[0]:
+        bare = ACTUATED not in names
+        subjects[file.name] = make_subject(file, options, servos=bare)
+        # servos of ours are no part of the file
+        return compile_spec(file) if bare else subjects[file.name].model
+    if file.name == ACTUATED and names[0] in subjects:
+        subjects[ACTUATED] = actuated_twin(subjects[names[0]], file, options)
+        return subjects[ACTUATED].model
+    return compile_spec(file)
 
 
 def _same(still: Subject, driven: Subject) -> list[CheckResult]:

@@ -74,6 +74,17 @@ def load_spec(path: Path) -> tuple[mujoco.MjSpec, tuple[str, ...]]:
     return spec, (f"{len(free)} free joint(s) fixed to the world",) if free else ()
 
 
+def compile_spec(path: Path) -> mujoco.MjModel:
+    """Return a model as its file says, but for free joints.
+
+    Raises:
+        ValueError: MuJoCo's own message, or a number that no model can have.
+    """
+    model = load_spec(path)[0].compile()
+    require_finite(model)
+    return model
+
+
 def make_subject(
     path: Path, options: mujoco.MjOption | None = None, *, servos: bool = True
 ) -> Subject:
@@ -157,6 +168,7 @@ def _prepared(spec: mujoco.MjSpec, options: mujoco.MjOption | None) -> mujoco.Mj
     import mujoco
 
     model = spec.compile()
+    require_finite(model)
     if options is not None:
         for name in dir(options):
             if not name.startswith("_"):
