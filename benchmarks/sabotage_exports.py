@@ -14,6 +14,7 @@ from sabotage_tools import (
     file,
     glb,
     half,
+    insert,
     obj,
     plus,
     put,
@@ -51,6 +52,12 @@ def _sdf() -> list[Kind]:
         Kind("SDF: meshes in another unit", (SDF,), ("same surface", "same collision"),
              obj("sdf/assets/*.obj", lambda v: 1000 * v)),
         Kind("SDF: inertia axes swapped", (SDF,), ("same inertia",), _swap_sdf(link)),
+        Kind("SDF: static", (SDF,), ("own settings",),
+             insert(SDF, "model", "<static>true</static>")),
+        Kind("SDF: falls from the world", (SDF,), ("same joint",),
+             drop(SDF, ".//joint[@name='world_joint']")),
+        Kind("SDF: mesh scaled", (SDF,), ("same surface",),
+             insert(SDF, f"{link}/visual/geometry/mesh", "<scale>2 2 2</scale>")),
         Kind("SDF: cut in half", (SDF,), ("readable",), file(SDF, half)),
     ]
 

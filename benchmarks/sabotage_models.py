@@ -91,6 +91,10 @@ def _collision() -> list[Kind]:
         Kind("a pair of geoms that does not meet", MJCF, ("contact rules",), insert(
             MJCF, ".", "<contact><pair geom1='base_piece_00' geom2='part_1_piece_00' gap='1'/>"
             "</contact>")),
+        Kind("contacts without friction (condim 1)", MJCF, ("contact rules",),
+             put(MJCF, STRIKES, "condim", "1")),
+        Kind("visual meshes collide", MJCF, HITS, put(
+            MJCF, "default/default/default/geom[@group='2']", "contype", "1")),
         Kind("a margin of 10 cm", MJCF, ("contact rules",), put(MJCF, STRIKES, "margin", "0.1")),
         Kind("no friction of surfaces", MJCF, ("contact rules",),
              put(MJCF, STRIKES, "friction", "0 0 0")),
@@ -134,6 +138,9 @@ def _joints() -> list[Kind]:
              put(MJCF, ".//joint[@type='hinge']", "pos", plus(0.01))),
         Kind("kind of joint changed", MJCF, JOINTS, put(
             MJCF, JOINT, "type", lambda k: "hinge" if k == "slide" else "slide")),
+        Kind("pitch of the screw x 2", MJCF, JOINTS,
+             put(MJCF, "equality/joint", "polycoef", times(2))),
+        Kind("screw comes loose", MJCF, JOINTS, drop(MJCF, "equality")),
         Kind("joint renamed", MJCF, JOINTS, both(
             put(MJCF, JOINT, "name", "joint_one"), put(DRIVEN, SERVO, "joint", "joint_one"))),
         Kind("joint removed with servo and keys", MJCF, ("same joint", "compile"), both(
@@ -207,6 +214,8 @@ def _states() -> list[Kind]:
         Kind("command of a keyframe halved", (DRIVEN,), keys, put(DRIVEN, one, "ctrl", times(0.5))),
         Kind("no keyframe of state 1", MJCF, keys, drop(MJCF, one)),
         Kind("no keyframes", MJCF, keys, drop(MJCF, "keyframe")),
+        Kind("a further keyframe beyond the limits", MJCF, ("own settings",),
+             insert(MJCF, "keyframe", "<key name='far' qpos='9 9 9 9 9'/>")),
         Kind("a keyframe in motion", MJCF, ("own settings",), edit_xml(MJCF, lambda r: [
             k.set("qvel", k.get("qpos", "").replace("0 0 0 0 0", "1 1 1 1 1")) for k in r.iter(
                 "key")])),
@@ -241,6 +250,8 @@ def _world() -> list[Kind]:
         Kind("scene: ground tilted", (SCENE,), ("clear world",),
              put(SCENE, "worldbody/geom", "zaxis", "0.3 0 1")),
         option("actuatorgroupdisable", "0"), option("ls_iterations", "1"),
+        Kind("scene: ground 100 m below", (SCENE,), ("clear world",),
+             put(SCENE, "worldbody/geom", "pos", plus(0, 0, -100))),
         Kind("scene: no ground", (SCENE,), ("clear world",), drop(SCENE, "worldbody/geom")),
         Kind("scene: includes the passive twin", (SCENE,), ("servos",),
              put(SCENE, "include", "file", "twin.xml")),

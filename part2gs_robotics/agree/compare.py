@@ -76,6 +76,11 @@ def _bodies(files: Sequence[Described]) -> list[Finding]:
         text = "; ".join([*(f"has {m}" for m in more), *(f"lacks {m}" for m in less)])
         out.append(fails("same bodies", file, f"{text or 'a name twice'}; {found.said} otherwise",
                          f"{file}: name and hang its parts as {found.winner} does"))
+    titles = {f.file: np.array([f.title]) for f in files if f.title}
+    named = vote(titles, lambda a, b: float(a[0] != b[0]), {}) if len(titles) > 1 else None
+    out += [fails("same bodies", file, f"is called {titles[file][0]!r}; {named.said} "
+                  f"{titles[named.winner][0]!r}", f"{file}: call it {titles[named.winner][0]!r}")
+            for file in (named.odd if named else ()) if named]
     return out or [Finding("same bodies", "", "pass", detail=f"{', '.join(names)} have the same "
                            f"{len(files[0].bodies)} parts")]
 

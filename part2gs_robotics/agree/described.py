@@ -60,6 +60,7 @@ class Described:
     Attributes:
         file: its name, from the twin folder.  bodies: by name.
         same: relative difference that its digits allow.
+        title: name of the whole, "" = not said.
         faults: what cannot be true whatever other files say, as (check, subject, text, cause).
     """
 
@@ -67,6 +68,7 @@ class Described:
     bodies: dict[str, Body]
     same: float = 1e-6
     faults: tuple[tuple[str, str, str, str], ...] = ()
+    title: str = ""
 
     def drives(self) -> dict[str, Drive]:
         """Return the joints by the part that they move; the base has none."""

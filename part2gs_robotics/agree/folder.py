@@ -108,7 +108,7 @@ def _told(folder: Path) -> tuple[Told, list[Finding]]:
     rows = provenance(document) + ranges(described, document)
     rows += density_of_material(twin, document)
     rows += truth.masses(described, twin, document)
-    rows += truth.loose_bits(twin) + truth.textures(twin, folder)
+    rows += truth.loose_bits(twin) + truth.textures(twin, folder, document)
     return Told(described, twin, document), rows
 
 

@@ -29,7 +29,8 @@ def of_mujoco(file: str, model: mujoco.MjModel) -> Described:
     mujoco.mj_kinematics(model, data)
     mujoco.mj_comPos(model, data)
     bodies = {b.name: b for b in (_body(model, data, i) for i in range(1, model.nbody))}
-    return Described(file, bodies)
+    title = bytes(model.names).split(b"\0", 1)[0].decode("utf-8", "replace")
+    return Described(file, bodies, title="" if file == "scene.xml" else title)
 
 
 def _body(model: mujoco.MjModel, data: mujoco.MjData, index: int) -> Body:

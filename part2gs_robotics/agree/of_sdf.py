@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import xml.etree.ElementTree as ET
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -46,7 +47,22 @@ def of_sdf(path: Path, name: str, meshes: Meshes, twin: Twin) -> Described:
     faults = (("same pose", name, f"the model's pose is {model.findtext('pose')}, which does not "
                "turn the scene's up to +z about the origin",
                f"{name}: correct <pose> of <model>, or export it again"),) if wrong else ()
-    return Described(name, bodies, faults=faults)
+    faults += tuple(_held(name, model, joints))
+    return Described(name, bodies, faults=faults, title=model.get("name", ""))
+
+
+def _held(name: str, model: ET.Element, joints: dict[str, ET.Element]
+          ) -> Iterator[tuple[str, str, str, str]]:
+    """Yield what holds or frees the whole besides its joints."""
+    for tag, good in (("static", "false"), ("gravity", "true"), ("kinematic", "false")):
+        for element in model.iter(tag):
+            if (element.text or "").strip().lower() not in (good, str(int(good == "true"))):
+                yield ("own settings", name, f"<{tag}> is {element.text}",
+                       f"{name}: remove <{tag}>")
+    base = [j for j in joints.values() if j.findtext("parent") == WORLD]
+    if [j.get("type") for j in base] != ["fixed"]:
+        yield ("same joint", name, "its base is not fixed to the world",
+               f"{name}: add the fixed world_joint, or export it again")
 
 
 def _body(link: ET.Element, joint: ET.Element | None, poses: dict[str, F64], meshes: Meshes,
@@ -56,8 +72,8 @@ def _body(link: ET.Element, joint: ET.Element | None, poses: dict[str, F64], mes
     at = place if inertial is None else place @ _pose(inertial)
     tensor = {} if inertial is None else {t.tag: numbers(t.text or "", 1)[0]
                                           for t in inertial.iterfind("inertia/*")}
-    shapes = {tag: [place_of(meshes.corners(s.findtext("geometry/mesh/uri", "")),
-                             place @ _pose(s)) / unit for s in link.iter(tag)]
+    shapes = {tag: [place_of(_corners(s, meshes), place @ _pose(s)) / unit
+                    for s in link.iter(tag)]
               for tag in ("visual", "collision")}
     parent = WORLD if joint is None else joint.findtext("parent", "")
     mass = numbers(link.findtext("inertial/mass", ""), 1)[0]
@@ -68,6 +84,11 @@ def _body(link: ET.Element, joint: ET.Element | None, poses: dict[str, F64], mes
                 None if joint is None or parent == WORLD else _drive(joint, place, unit))
 
 
+def _corners(shape: ET.Element, meshes: Meshes) -> F64:
+    scale = np.array(numbers(shape.findtext("geometry/mesh/scale", "1 1 1"), 3))
+    return meshes.corners(shape.findtext("geometry/mesh/uri", "")) * scale
+
+
 def _drive(joint: ET.Element, link: F64, unit: float) -> Drive:
     kind = joint.get("type", "")
     place = link @ _pose(joint)
@@ -75,14 +96,20 @@ def _drive(joint: ET.Element, link: F64, unit: float) -> Drive:
         return Drive(kind, np.array([0.0, 0.0, 1.0]), place[:3, 3] / unit,
                      name=joint.get("name", ""))
     along = np.array(numbers(joint.findtext("axis/xyz", ""), 3))
+    if joint.find("axis/xyz[@expressed_in]") is not None:
+        raise ValueError(f"the axis of {joint.get('name')} is expressed_in another frame")
     pitch = numbers(joint.findtext("screw_thread_pitch", "0"), 1)[0] / (2 * np.pi) / unit
     slide = unit if kind == "prismatic" else 1.0
     low, high = (numbers(joint.findtext(f"axis/limit/{e}", ""), 1)[0] / slide
                  for e in ("lower", "upper"))
     effort = numbers(joint.findtext("axis/limit/effort", ""), 1)[0]
+    rubs, damps = (numbers(joint.findtext(f"axis/dynamics/{e}", "0"), 1)[0]
+                   for e in ("friction", "damping"))
+    force = unit if kind == "prismatic" else unit**2  # newton, or newton metre, in scene units
     return Drive(kind, place[:3, :3] @ along / max(float(np.linalg.norm(along)), 1e-300),
                  place[:3, 3] / unit, pitch if kind == "screw" else 0.0, (low, high),
-                 {"effort": effort / (unit if kind == "prismatic" else unit**2)},
+                 {"effort": effort / force, "friction": rubs / force,
+                  "damping": damps / (1.0 if kind == "prismatic" else unit**2)},
                  name=joint.get("name", ""))
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import xml.etree.ElementTree as ET
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -35,9 +36,24 @@ def of_urdf(path: Path, meshes: Meshes) -> Described:
         name = link.get("name", "")
         if name.endswith(TURN) and name.removesuffix(TURN) in names:
             continue
-        body = _body(link, joints, meshes)
-        bodies[name] = body
-    return Described(path.name, bodies)
+        bodies[name] = _body(link, joints, meshes)
+    return Described(path.name, bodies, faults=tuple(_faults(path.name, root, joints)),
+                     title=root.get("name", ""))
+
+
+def _faults(file: str, root: ET.Element, joints: dict[str, ET.Element]
+            ) -> Iterator[tuple[str, str, str, str]]:
+    """Yield what no other file has a word for: a base that is not fixed, limits inside limits."""
+    for name, joint in joints.items():
+        if _parent(joint) == WORLD and joint.get("type") != "fixed":
+            yield ("same joint", f"{file}: {name}", f"hangs on the world by a {joint.get('type')} "
+                   "joint", f"{file}: make the joint of {name} to the world fixed")
+        if joint.find("safety_controller") is not None:
+            yield ("same limits", f"{file}: {name}", "has soft limits of a safety_controller",
+                   f"{file}: remove <safety_controller> of {joint.get('name')}")
+    if root.find(f"link[@name='{WORLD}']") is None:
+        yield ("same bodies", file, "has no link `world`", f"{file}: hang the base on a massless "
+               "link `world` by a fixed joint, or build the twin again")
 
 
 def _child(joint: ET.Element) -> str:

@@ -44,7 +44,7 @@ def of_yaml(folder: Path) -> tuple[Described, Twin, dict[str, object]]:
             array(entry, "center", (3,)), array(entry, "inertia", (3, 3)), part.mesh.vertices,
             tuple(p.vertices for p in part.pieces),
             None if part.joint is None or joint is None else _drive(part.limits, joint))
-    return Described(YAML, bodies), twin, summary.document
+    return Described(YAML, bodies, title=twin.name), twin, summary.document
 
 
 def _drive(limits: tuple[float, float], joint: dict[str, object]) -> Drive:
@@ -128,6 +128,13 @@ def ranges(described: Described, document: dict[str, object]) -> list[Finding]:
         name, drive = str(entry.get("name")), described.drives().get(str(entry.get("part")))
         if drive is None or drive.kind == "fixed":
             continue
+        parent = described.bodies[str(entry.get("part"))].parent
+        if entry.get("parent") != parent:
+            out.append(_yaml_fault(name, f"parent is {entry.get('parent')!r}, its part hangs on "
+                                   f"{parent!r}", "parent"))
+        sigma = entry.get("sigma")
+        if any(array(sigma, k, ()) < 0 for k in (sigma if isinstance(sigma, dict) else ())):
+            out.append(_yaml_fault(name, "a standard deviation is negative", "sigma"))
         ends = sorted((drive.states["state_0"], drive.states["state_1"]))
         seen, slack = array(entry, "observed", (2,)), CLOSE * max(1e-9, ends[1] - ends[0])
         if drive.states["state_0"] != 0.0:
@@ -153,7 +160,11 @@ def density_of_material(twin: Twin, document: dict[str, object]) -> list[Finding
     wanted = NO if known is None else known * twin.meters**3
     out = []
     for entry in _entries(document, "parts"):
-        found = number(entry, "density")
+        found, seen = number(entry, "density"), number(entry, "synthesised")
+        if seen < 0 or seen > 1 or number(entry, "num_gaussians") < 0:
+            out.append(_yaml_fault(str(entry.get("name")), f"a share of {seen:g} is synthesised, "
+                                   f"of {number(entry, 'num_gaussians'):g} Gaussians",
+                                   "synthesised or num_gaussians"))
         if not abs(found - wanted) <= CLOSE * wanted:
             name = entry.get("name")
             out.append(fails(

@@ -14,7 +14,7 @@ from part2gs_robotics.agree.vote import apart, relative
 from part2gs_robotics.errors import ExportError
 from part2gs_robotics.exporters.inertia import mass_properties
 from part2gs_robotics.model.arrays import F64
-from part2gs_robotics.model.solids import defect, to_manifold
+from part2gs_robotics.model.solids import defect, to_manifold, watertight
 from part2gs_robotics.model.twin import PartMesh, Twin
 
 DIGITS = 1e-5  # relative: meshes have nine digits, and their integrals lose at most four
@@ -93,15 +93,24 @@ def _middle(solid: Manifold) -> F64:
     return np.asarray((box[:3] + box[3:]) / 2)
 
 
-def textures(twin: Twin, folder: Path) -> list[Finding]:
-    """Return parts with a picture whose material file is not there or names another one."""
+def textures(twin: Twin, folder: Path, document: dict[str, object]) -> list[Finding]:
+    """Return parts whose material file is not there or names another picture, or that are open."""
     out = []
-    for part in twin.parts:
-        if part.mesh.texture is None:
-            continue
+    entries = document.get("parts")
+    for part, entry in zip(twin.parts, entries if isinstance(entries, list) else [], strict=False):
+        said = entry.get("watertight") if isinstance(entry, dict) else None
+        if said is not watertight(part.mesh):
+            out.append(fails("own numbers", f"twin.yaml: {part.name}", f"watertight is {said}, the "
+                             f"mesh says {not said}", f"twin.yaml: correct watertight of "
+                             f"{part.name}, or assets/{part.name}_visual.obj"))
         material = folder / f"assets/{part.name}_visual.mtl"
         text = material.read_text("ascii", "replace") if material.is_file() else ""
-        if f"map_Kd {part.name}_texture.png" not in text:
+        if part.mesh.texture is None:
+            if f"map_Kd {part.name}_texture.png" in text:
+                out.append(fails("assets", f"twin.yaml: {part.name}", "names no texture, though "
+                                 f"{material.name} does", f"twin.yaml: name the texture of "
+                                 f"{part.name}, or build the twin again"))
+        elif f"map_Kd {part.name}_texture.png" not in text:
             out.append(fails("assets", f"{material.name}", f"names no {part.name}_texture.png",
                              f"assets/{material.name}: restore it, or build the twin again"))
     return out or [Finding("assets", "", "pass", detail="meshes, pieces, materials and pictures "

@@ -19,6 +19,8 @@ if TYPE_CHECKING:
 SAME = 1e-6  # relative; files have ten digits
 STABLE = 4.83  # servo frequency x step: up to it an implicit, critically damped servo settles
 WIDE = 0.002  # of the size: a margin beyond what `overlap` allows pushes parts that do not touch
+RUBS = 3  # directions of a contact's force: the fewest with friction
+DEEP = 2.0  # of the size that the ground may lie below the twin; ours is just clear of it
 COLLISION = 3  # group of what collides, by the contract of the twin folder
 SOFT = 0.1  # s in which a contact gives back; the engine's own is 0.02, ours 0.008
 # The least an engine may try: half of MuJoCo's own iterations, a hundred times its tolerance.
@@ -56,8 +58,9 @@ def contact_rules(file: str, model: mujoco.MjModel, size: float) -> list[Finding
             text, goal = f"has solimp {model.geom_solimp[g].tolist()}", "solimp 0.9 0.95 0.001"
         elif not abs(model.geom_margin[g]) + abs(model.geom_gap[g]) <= WIDE * size:
             text, goal = f"has margin {model.geom_margin[g]:g} units", "margin and gap 0"
-        elif not model.geom_friction[g, 0] > 0:
-            text, goal = f"has friction {model.geom_friction[g, 0]:g}", "friction 1 0.005 0.0001"
+        elif not model.geom_friction[g, 0] > 0 or model.geom_condim[g] < RUBS:
+            text = f"has friction {model.geom_friction[g, 0]:g}, condim {model.geom_condim[g]}"
+            goal = f"friction 1 0.005 0.0001 and condim {RUBS} or more"
         if text:
             out.append(fails("contact rules", f"{file}: {part}", f"{name} {text}",
                              f"{file}: give {name} {goal}"))
@@ -160,6 +163,7 @@ def extras(file: str, model: mujoco.MjModel) -> list[Finding]:
              "bodies without their weight (gravcomp)": int((model.body_gravcomp != 0).sum()),
              "joints with springs": int((model.jnt_stiffness != 0).sum()),
              "joints whose limits give way (solreflimit, solimplimit, margin)": int(_soft(model)),
+             "keyframes beyond the joints' limits": int(_beyond(model)),
              "keyframes in motion (qvel)": int((model.key_qvel != 0).any(1).sum()),
              "free or ball joints": int((model.jnt_type < 2).sum())}
     out = [fails("own settings", file, f"{count} {what}",
@@ -168,9 +172,19 @@ def extras(file: str, model: mujoco.MjModel) -> list[Finding]:
     return out or [Finding("own settings", file, "pass", detail="parts hang on joints alone")]
 
 
+def _beyond(model: mujoco.MjModel) -> int:
+    """Return how many keyframes put a joint outside of its range."""
+    at, limited = model.jnt_qposadr, model.jnt_limited.astype(bool)
+    low, high = model.jnt_range[limited].T
+    slack = SAME * np.maximum(np.abs(low), np.abs(high))
+    values = model.key_qpos[:, at[limited]]
+    return int(((values < low - slack) | (values > high + slack)).any(1).sum())
+
+
 def _soft(model: mujoco.MjModel) -> int:
     """Return how many joints have a limit that does not press back."""
     press = (model.jnt_solref[:, 0] > 0) & (model.jnt_solref[:, 0] <= SOFT)
+    press &= (model.dof_solref[model.jnt_dofadr, 0] > 0) if model.njnt else True
     press &= (model.jnt_solimp[:, 0] > 0) & (model.jnt_margin == 0)
     return int((~press).sum())
 
@@ -245,9 +259,11 @@ def _ground(model: mujoco.MjModel) -> list[Finding]:
         frame = np.zeros(9)
         mujoco.mju_quat2Mat(frame, model.geom_quat[g])
         level = float(frame.reshape(3, 3)[:, 2] @ down) < -LEVEL
-        if level and (model.geom_contype[g] or model.geom_conaffinity[g]):
+        below = float((model.geom_pos[g] - model.stat.center) @ down)
+        near = below < DEEP * 2 * float(model.stat.extent)
+        if level and near and (model.geom_contype[g] or model.geom_conaffinity[g]):
             return []
-    return [fails("clear world", "scene.xml", "has no level ground that things rest on",
+    return [fails("clear world", "scene.xml", "has no level ground near it that things rest on",
                   "scene.xml: add a plane below the twin, its zaxis up, or build the twin again")]
 
 
