@@ -120,7 +120,7 @@ def actuated_twin(passive: Subject, path: Path, options: mujoco.MjOption | None)
     """
     model = _prepared(load_spec(path)[0], options)
     if difference(passive.model, model):
-        return make_subject(path, options)
+        return make_subject(path, options, servos=False)
     return replace(passive, model=model, joints=driven_joints(model), states=_states(model))
 
 

@@ -268,11 +268,12 @@ def _numbers(files: Sequence[Described], names: Sequence[str]) -> list[Finding]:
 def _states(files: Sequence[Described], names: Sequence[str]) -> list[Finding]:
     table = _said(files, names, lambda d: {k: v for k, v in d.states.items()
                                            if k.removeprefix("command ") in ("state_0", "state_1")})
+    moving = any(d.kind != "fixed" for d in files[0].drives().values())
     keys = {f.file: set().union(*(d.states for n in names
                                   if (d := f.bodies[n].drive) is not None)) for f in files}
     out = [fails("same states", f, f"has no {k}", f"{f}: add the keyframe {k.split()[-1]}"
                  f"{' with its ctrl' if ' ' in k else ''}, or build the twin again")
-           for f, own in keys.items() if f.endswith(".xml") and names
+           for f, own in keys.items() if f.endswith(".xml") and moving
            for k in STATES if k not in own and (f != "twin.xml" or " " not in k)]
     return out[:TOLD] or _rows("same states", "", relative, _all(files, SHORT), table)
 

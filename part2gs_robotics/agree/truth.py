@@ -99,7 +99,11 @@ def textures(twin: Twin, folder: Path, document: dict[str, object]) -> list[Find
     entries = document.get("parts")
     for part, entry in zip(twin.parts, entries if isinstance(entries, list) else [], strict=False):
         said = entry.get("watertight") if isinstance(entry, dict) else None
-        if said is not watertight(part.mesh):
+        if said is True and (reason := defect(part.mesh)):
+            out.append(fails("mesh", f"assets/{part.name}_visual.obj", f"{reason}; twin.yaml says "
+                             "it is closed", f"assets/{part.name}_visual.obj: restore it, or build "
+                             "the twin again"))
+        elif said is not watertight(part.mesh):
             out.append(fails("own numbers", f"twin.yaml: {part.name}", f"watertight is {said}, the "
                              f"mesh says {not said}", f"twin.yaml: correct watertight of "
                              f"{part.name}, or assets/{part.name}_visual.obj"))
