@@ -86,14 +86,17 @@ def _build(call: Call) -> int:
 
 
 def _check(call: Call) -> int:
+    from part2gs_robotics.report.ci import formatted
     from part2gs_robotics.runtime.log import logging_to
     from part2gs_robotics.sim_checks import check
     from part2gs_robotics.sim_checks.result import format_text
 
-    config: Config = resolve(call.flags)
+    kind = str(call.flags.get("format", "text"))
+    config: Config = resolve({k: v for k, v in call.flags.items() if k != "format"})
     with logging_to(None, config.output.quiet, config.output.verbose):
         report = check(Path(call.paths[0]), steps=config.check.sweep_values)
-    sys.stdout.write(format_text(report).rstrip() + "\n")
+    text = format_text(report) if kind == "text" else formatted(report.to_dict(), kind)
+    sys.stdout.write(text.rstrip() + "\n")
     return report.exit_code
 
 

@@ -13,6 +13,7 @@ from part2gs_robotics import __version__
 from part2gs_robotics.config import PRESETS, Option, Value, convert, options
 from part2gs_robotics.errors import ConfigError
 
+Told = Literal["text", "json", "junit", "sarif", "github"]
 Format = Literal["mjcf", "urdf", "usd", "sdf", "glb", "ros"]
 
 
@@ -43,7 +44,8 @@ COMMANDS = {
                      ("read", "fit", "stereo", "search", "articulate", "mesh", "texture", "check",
                       "output")),
     "check": Command("the simulator checks alone, on a twin folder or MJCF file", ("PATH",),
-                     ("check",)),
+                     ("check",), (Option("format", ("check",), (Told,), "text",
+                                         "how to say it: for people, programs or CI"),)),
     "explain": Command("what a check of `check` looks at, its threshold, what mends it", ("ID",),
                        ()),
     "export": Command("write a twin folder's twin as MJCF, URDF, USD, SDFormat, glTF or for ROS 2",
