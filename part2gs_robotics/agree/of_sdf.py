@@ -44,10 +44,10 @@ def of_sdf(path: Path, name: str, meshes: Meshes, twin: Twin) -> Described:
     stands = _pose(model)
     wrong = np.abs(stands[:3, :3] - upright(twin, UP)).max() > TURNED or np.abs(
         stands[:3, 3]).max() > TURNED
-    faults = (("same pose", name, f"the model's pose is {model.findtext('pose')}, which does not "
+    pose = (("same pose", name, f"the model's pose is {model.findtext('pose')}, which does not "
                "turn the scene's up to +z about the origin",
                f"{name}: correct <pose> of <model>, or export it again"),) if wrong else ()
-    faults += tuple(_held(name, model, joints))
+    faults = (*pose, *_held(name, model, joints))
     return Described(name, bodies, faults=faults, title=model.get("name", ""))
 
 

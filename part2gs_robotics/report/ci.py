@@ -72,8 +72,8 @@ def _junit(tree: Mapping[str, object]) -> str:
              "errors": sum(r["status"] == "incomplete" for r in rows),
              "skipped": sum(r["status"] == "skipped" for r in rows)}
     totals = {key: str(n) for key, n in count.items()} | {"time": str(tree["seconds"])}
-    root = ET.Element("testsuites", name="part2gs-robot check", **totals)
-    suite = ET.SubElement(root, "testsuite", name=_clean(str(tree["path"])), **totals)
+    root = ET.Element("testsuites", {"name": "part2gs-robot check", **totals})
+    suite = ET.SubElement(root, "testsuite", {"name": _clean(str(tree["path"])), **totals})
     for row in rows:
         case = ET.SubElement(suite, "testcase", classname=str(row["id"]),
                              name=_clean(str(row["name"])), time="0")
