@@ -134,9 +134,12 @@ def check_pieces(table: list[dict[str, object]], size: float) -> list[CheckResul
         detail = (f"{entry['pieces']} pieces cover {100 * covered:.0f} % of the part, which sticks "
                   f"out by at most {100 * far / size:.2g} % of the size")
         detail += f", they by {100 * beyond / size:.2g} %; intersection over union {like:.2f}"
-        good = covered >= COVERED and like >= LIKE and beyond <= BEYOND * size
-        rows.append(CheckResult("collision", str(entry["part"]), passed(good),
-                                covered, COVERED, "share >=", detail))
+        status = passed(covered >= COVERED and like >= LIKE and beyond <= BEYOND * size)
+        measured = (covered, COVERED, "share >=")
+        if covered >= COVERED and status == "fail":  # the number that fails is the one to show
+            measured = (like, LIKE, "IoU >=") if like < LIKE else (
+                beyond / size, BEYOND, "of size beyond")
+        rows.append(CheckResult("collision", str(entry["part"]), status, *measured, detail))
     return rows
 
 
