@@ -70,6 +70,8 @@ def _kept(judge: Judge, before: Candidate, after: Candidate, sharp: Views) -> Ca
     decided about the parts sees that; smaller differences are below what surfels can tell.
     """
     best = end = judge.judge(after)
+    if end.cost < judge.judge(before).cost + PART:
+        return after
     for k in range(len(after)):
         trial = judge.judge(best.swapped(k, before.motions[k]))
         best = trial if trial.cost + PART < best.cost else best
