@@ -146,5 +146,52 @@ def _export(call: Call) -> int:
     return OK
 
 
+def _scene(call: Call) -> int:
+    from part2gs_robotics.photos.make_scene import Wishes, make_scene
+    from part2gs_robotics.runtime.log import logging_to
+
+    given = {key: option.default for key, option in command_options("scene").items()} | call.flags
+    length = given["known_length"]
+    wishes = Wishes(cast(int, given["side"]), cast(int, given["frames"]),
+                    None if length is None else float(cast(float, length)),
+                    float(cast(float, given["marker_size"])))
+    out = Path(str(given["out"]))
+    with logging_to(None, bool(given["quiet"]), bool(given["verbose"])):
+        made = make_scene((Path(call.paths[0]), Path(call.paths[1])), out, wishes)
+    if not given["quiet"]:
+        scale = ("unknown scale (print the sheet of part2gs-robot marker, or give "
+                 "--known-length)" if wishes.known_length is None else "scale by --known-length")
+        if made.scale is not None:
+            scale = f"metres by {made.scale.markers} markers, spread {made.scale.spread:.2%}"
+        sys.stdout.write(f"{out}: {made.registered[0]} of {made.taken[0]} and {made.registered[1]} "
+                         f"of {made.taken[1]} photos registered; {scale}. Next: part2gs-robot "
+                         f"inspect {out}, then part2gs-robot build {out}\n")
+    return OK
+
+
+def _marker(call: Call) -> int:
+    from part2gs_robotics.photos.markers import write_marker_sheet
+
+    out = Path(str(call.flags.get("out", "sheet.pdf")))
+    write_marker_sheet(out)
+    if not call.flags.get("quiet"):
+        sys.stdout.write(f"{out}: print at 100 %, lay it beside the object\n")
+    return OK
+
+
+def _inspect(call: Call) -> int:
+    from part2gs_robotics.photos.inspect_scene import inspect_scene
+    from part2gs_robotics.readers.read_scene import read_scene_yaml
+
+    scene = Path(call.paths[0])
+    config: Config = resolve(call.flags, read_scene_yaml(scene), str(scene / "scene.yaml"))
+    told = inspect_scene(scene, config.read)
+    sys.stdout.write("".join(f"{line}\n" for line in told.found))
+    sys.stdout.write("".join(f"do better: {line}\n" for line in told.advice)
+                     or "nothing to do better\n")
+    return OK
+
+
 RUN: dict[str, Callable[[Call], int]] = {
-    "build": _build, "check": _check, "explain": _explain, "export": _export, "capture": _capture}
+    "build": _build, "check": _check, "explain": _explain, "export": _export, "capture": _capture,
+    "scene": _scene, "marker": _marker, "inspect": _inspect}

@@ -38,6 +38,10 @@ def _capture(name: str, kind: type, default: Value, doc: str) -> Option:
     return Option(name, ("capture",), (kind,), default, doc)
 
 
+def _scene(name: str, kind: type, default: Value, doc: str) -> Option:
+    return Option(name, ("scene",), (kind,), default, doc)
+
+
 # What each command does, its paths, the rooms whose settings it takes, and flags of its own.
 COMMANDS = {
     "build": Command("two-state photos in, MuJoCo-checked twin out", ("SCENE",),
@@ -54,6 +58,19 @@ COMMANDS = {
                               "what to write; must be given"),
                        Option("out", ("export",), (str,), None,
                               "folder of the new files; default: TWIN/FORMAT"))),
+    "scene": Command("plain photos or videos of two states in, a scene for build out",
+                     ("PHOTOS_0", "PHOTOS_1"), (),
+                     (Option("out", ("scene",), (str,), "scene", "folder of the new scene"),
+                      _scene("side", int, 1024, "longest side of photos used, pixels"),
+                      _scene("frames", int, 40, "frames taken from a video"),
+                      _scene("known_length", float, None, "metres of the object's longest side, "
+                             "where no marker is seen"),
+                      _scene("marker_size", float, 0.06, "metres of a printed marker's black "
+                             "square, as measured"))),
+    "marker": Command("write a sheet of markers to print: it gives photos their scale", (), (),
+                      (Option("out", ("marker",), (str,), "sheet.pdf", "the new file"),)),
+    "inspect": Command("say in seconds what a scene holds and what would make it better",
+                       ("SCENE",), ("read",)),
     "capture": Command("render a two-state scene with ground truth from an MJCF or URDF model",
                        ("MODEL", "SCENE"), (),
                        (_capture("views", int, 64, "training views per state"),
@@ -120,7 +137,7 @@ def command_options(name: str) -> dict[str, Option]:
 
 
 def _parser(name: str) -> _Parser:
-    listing = "\n".join(f"  {key:7s} {' '.join(command.paths):11s}  {command.summary}"
+    listing = "\n".join(f"  {key:7s} {' '.join(command.paths):17s}  {command.summary}"
                         for key, command in COMMANDS.items())
     paths = " ".join(COMMANDS[name].paths) if name else "PATH..."
     parser = _Parser(

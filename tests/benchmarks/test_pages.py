@@ -24,6 +24,7 @@ TABLES = {
     ("docs/ladder.md", "ladder"): ("ladder", "ladder", "markdown"),
     ("docs/masks.md", "masks"): ("masks", "masks", "table"),
     ("docs/sabotage.md", "sabotage"): ("sabotage", "sabotage", "markdown"),
+    ("docs/photos.md", "photos"): ("photos", "photos", "markdown"),
 }
 OWN = {"solids": "solids", "simulators": "simulators", "states": "other_states"}
 

@@ -28,6 +28,7 @@ WITHOUT_IMPORT = {
     "catkin-pkg": "test_launch.py imports it where it is installed, by name",
     "cmeel-urdfdom": "benchmarks/judges.py runs its check_urdf",
     "simcheck": "benchmarks/judges.py runs its command",
+    "pycolmap": "tests of photos run it through photos/register.py",
     "setuptools": "setup.py and pip's builds without isolation import it",
 }
 
@@ -62,6 +63,7 @@ def imported(folders: tuple[str, ...]) -> dict[str, str]:
 
 
 @pytest.mark.parametrize(("kind", "folders"), [("run", PRODUCT), ("gpu", PRODUCT), ("usd", PRODUCT),
+                                               ("photos", PRODUCT),
                                                ("dev", WORKSHOP)])
 def test_what_is_declared_is_imported(kind: str, folders: tuple[str, ...]) -> None:
     used = imported(folders)
@@ -69,8 +71,8 @@ def test_what_is_declared_is_imported(kind: str, folders: tuple[str, ...]) -> No
     assert not idle - set(WITHOUT_IMPORT), "declared and never imported"
 
 
-@pytest.mark.parametrize(("kinds", "folders"), [(("run", "gpu", "usd"), PRODUCT),
-                                                (("run", "dev"), WORKSHOP)])
+@pytest.mark.parametrize(("kinds", "folders"), [(("run", "gpu", "usd", "photos"), PRODUCT),
+                                                (("run", "dev", "bench"), WORKSHOP)])
 def test_what_is_imported_is_declared(kinds: tuple[str, ...], folders: tuple[str, ...]) -> None:
     known = {import_name(name) for kind in kinds for name in requirements(kind)}
     stray = {name: file for name, file in imported(folders).items() if name not in known}
@@ -84,7 +86,7 @@ def test_exceptions_are_still_needed() -> None:
             assert import_name(name) not in imported(folders), f"{name} is imported after all"
 
 
-@pytest.mark.parametrize("kind", ["run", "dev", "gpu", "usd"])
+@pytest.mark.parametrize("kind", ["run", "dev", "gpu", "usd", "photos"])
 def test_every_dependency_has_its_reason_beside_it(kind: str) -> None:
     lines = (ROOT / "pyproject.toml").read_text().splitlines()
     for requirement in requirements(kind).values():

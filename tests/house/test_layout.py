@@ -26,6 +26,7 @@ MAY = {
     "exporters": "model runtime", "report": "model runtime",
     "agree": "exporters model runtime",
     "sim_checks": "agree exporters model runtime", "capture": "sim_checks model",
+    "photos": "readers model runtime",
 }  # fmt: skip
 ALONE = {  # from that room, these files alone
     ("fit", "evidence"): {"depth_maps", "surfels"},
