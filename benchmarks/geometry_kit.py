@@ -129,7 +129,7 @@ class Surface:
 
     def distances(self, points: np.ndarray) -> np.ndarray:
         """Return the distance of every point."""
-        from part2gs_robotics.sim_checks.geometry import point_triangle_distance
+        from part2gs_robotics.collision.depth import point_triangle_distance
 
         near = self.face[self.tree.query(points, NEAREST)[1]]
         return np.asarray(point_triangle_distance(points[:, None], self.tri[near]).min(1))

@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from part2gs_robotics.collision.depth import depth
 from part2gs_robotics.model.arrays import F64
 from part2gs_robotics.sim_checks.driven import DrivenJoint
-from part2gs_robotics.sim_checks.geometry import Overlap, depth, overlap, place
+from part2gs_robotics.sim_checks.geometry import Overlap, overlap, place
 from part2gs_robotics.sim_checks.result import CheckResult, Curve, row
 from part2gs_robotics.sim_checks.subject import Subject
 

@@ -6,22 +6,25 @@ stand. From either state outward the part's true surface is moved until it meets
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from itertools import combinations
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from part2gs_robotics.collision.depth import depth
 from part2gs_robotics.model.arrays import F64, Mask
 from part2gs_robotics.model.kinematics import moving_parts, part_transforms, subtree
 from part2gs_robotics.model.solids import simpler, size_of, thickness, to_manifold
 from part2gs_robotics.model.twin import Twin
 
 if TYPE_CHECKING:
-    pass
+    from manifold3d import Manifold
 
-COARSE = 3e-4  # of the size: parts are compared as simple as that, as fine as what contact is
+COARSE = 1e-4  # of the size: parts are compared as simple as that; a third of what contact is
 CONTACT = 3e-4  # of the size: overlap as thick in the mean; the deepest point lies twice as deep
+DEEP = 0.0015  # of the size, of the deepest point: checks let 0.002 pass, and look elsewhere too
 TURN_BACK, SLIDE_BACK = np.deg2rad(0.5), 1e-3  # rad, of the size: room for collision pieces' gap
 TURN_STEP = np.deg2rad(2.0)  # a point at half a diagonal moves 1.7 % of it: no wall is missed
 SLIDE_STEP = 0.01  # of the size, likewise
@@ -113,8 +116,12 @@ class _Sweep:
         positions[self.moving.index(one)], positions[self.moving.index(two)] = p, q
         placed = part_transforms(self.twin, positions)
         moved = {i: self.solids[i].transform(placed[i][:3]) for i in carried[0] | carried[1]}
-        return any(thickness(moved[a] ^ moved[b]) > CONTACT * self.size
-                   for a in carried[0] for b in carried[1])
+        return any(self._touch(moved[a] ^ moved[b]) for a in carried[0] for b in carried[1])
+
+    def _touch(self, both: Manifold) -> bool:
+        """Return whether an intersection is as thick, or as deep, as what touches."""
+        return thickness(both) > CONTACT * self.size or (
+            both.volume() > 0 and depth(both) > DEEP * self.size)
 
     def _reach(self, index: int, start: float, sign: float, most: float) -> _Reach:
         """Return how far a joint goes from a state, up or down, at most so far."""
@@ -166,18 +173,23 @@ class _Sweep:
         return max(far - back, 0.0) if back <= MOST_BACK else far
 
     def _meets(self, index: int, q: float, rests: list[list[float]]) -> bool:
-        return any(self._overlap(index, q, rest) > CONTACT * self.size for rest in rests)
+        return any(self._touch(both) for rest in rests for both in self._common(index, q, rest))
 
     def _overlap(self, index: int, q: float, rest: list[float]) -> float:
         """Return how thick the overlap of what a joint moves and all else is, scene units."""
+        return max(map(thickness, self._common(index, q, rest)), default=0.0)
+
+    def _common(self, index: int, q: float, rest: list[float]) -> Iterator[Manifold]:
+        """Yield the intersections of what a joint moves with all else."""
         positions = list(rest)
         positions[self.moving.index(index)] = q
         placed = part_transforms(self.twin, positions)
         moved = set(subtree(self.twin, index))
         solids = [solid.transform(place[:3])
                   for solid, place in zip(self.solids, placed, strict=True)]
-        return max((thickness(solids[a] ^ solids[b]) for a in moved
-                    for b in set(range(len(solids))) - moved), default=0.0)
+        for a in moved:
+            for b in set(range(len(solids))) - moved:
+                yield solids[a] ^ solids[b]
 
     def _held(self, index: int, start: float, sign: float) -> float:
         """Return how far a slide goes until INSIDE of its length is left within its carrier."""

@@ -25,7 +25,7 @@ MAY = {
     "texture": "render model runtime",
     "exporters": "model runtime", "report": "model runtime",
     "agree": "exporters model runtime",
-    "sim_checks": "agree exporters model runtime", "capture": "sim_checks model",
+    "sim_checks": "agree collision exporters model runtime", "capture": "sim_checks model",
     "photos": "readers model runtime",
 }  # fmt: skip
 ALONE = {  # from that room, these files alone
@@ -34,6 +34,7 @@ ALONE = {  # from that room, these files alone
     ("mesh", "evidence"): {"depth_maps", "edges", "segments"},
     ("agree", "exporters"): {"inertia", "meshfile", "read_twin", "twin_yaml"},
     ("sim_checks", "exporters"): {"twin_yaml"},
+    ("sim_checks", "collision"): {"depth"},
     ("sim_checks", "agree"): {"__init__", "catalogue", "folder"},
     ("capture", "sim_checks"): {"model_files", "engine"},
 }  # fmt: skip

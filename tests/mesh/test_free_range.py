@@ -234,3 +234,14 @@ def test_two_stops_that_are_farther_apart_than_half_a_turn_both_count():
     edge = np.arcsin(0.01 / 0.5)  # half the blade's thickness at the nearer edge of a pillar
     assert low == pytest.approx(-np.pi / 2 + edge + TURN_BACK, abs=NEAR)
     assert high == pytest.approx(np.pi - edge - TURN_BACK, abs=NEAR)
+
+
+def test_a_fin_thinner_than_contact_stops_a_door_that_it_would_stick_deep_in():
+    """A blade of 0.4 mm stands in the door's way: of no thickness, but as deep as the door."""
+    free = door_twin()
+    boxes = [((0.0, 0.02, 0.0), (1.0, 0.6, 1.0)), ((-0.0004, -0.4, 0.0), (0.0, -0.2, 1.0))]
+    fin = union_part("base", -1, boxes, None, (0.0, 0.0), GREY)
+    found = with_free_ranges(replace(free, parts=(fin, free.parts[1])))
+    meets = np.pi / 2 - np.arcsin(0.02 / 0.2)  # the door's back, at the blade's near end
+    assert meets - 0.04 < found.parts[1].limits[1] < meets
+    assert with_free_ranges(free).parts[1].limits[1] > 2.0

@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 from synth import box, toy_cabinet_twin
 
+from part2gs_robotics.collision.depth import depth, point_triangle_distance
 from part2gs_robotics.exporters.mjcf import write_mjcf
 from part2gs_robotics.model.se3 import make, rotation_from_rotvec
 from part2gs_robotics.model.twin import Twin
-from part2gs_robotics.sim_checks.geometry import depth, overlap, place, point_triangle_distance
+from part2gs_robotics.sim_checks.geometry import overlap, place
 from part2gs_robotics.sim_checks.interpenetration import Poser, check_interpenetration, sweep
 from part2gs_robotics.sim_checks.order import in_order
 from part2gs_robotics.sim_checks.subject import Subject, make_subject
