@@ -21,7 +21,7 @@ from typing import Any
 
 import numpy as np
 from ladder_truth import Known, iou, known
-from reconstruction_suite import git, insert
+from reconstruction_suite import git, published
 
 from part2gs_robotics.articulate import found_motions
 from part2gs_robotics.config import ArticulateConfig
@@ -51,13 +51,7 @@ def main() -> int:
             scene = work / "scenes" / out.parent.name / out.name
             rows[out.name] = climbed(known(out.name, out, scene))
             RESULTS.write_text(json.dumps([rows[n] for n in sorted(rows)], indent=1) + "\n")
-    if not rows:
-        sys.stderr.write(f"{RESULTS}: not there yet. Expected an earlier run; give --work.\n")
-        return 2
-    table = markdown([rows[name] for name in sorted(rows)])
-    PAGE.write_text(insert(PAGE.read_text(), table, *MARKS))
-    sys.stdout.write(table)
-    return 0
+    return published(rows, RESULTS, (PAGE, *MARKS), markdown)
 
 
 def climbed(case: Known) -> dict[str, Any]:

@@ -23,7 +23,7 @@ from typing import Any
 import cv2
 import numpy as np
 import yaml
-from reconstruction_suite import git, insert
+from reconstruction_suite import git, published
 
 from part2gs_robotics.config_rooms import ReadConfig
 from part2gs_robotics.photos.lock import carried, similarity
@@ -53,13 +53,7 @@ def main() -> int:
             render(args.kit, name, folder)
         rows[name] = scored(name, folder)
         RESULTS.write_text(json.dumps([rows[n] for n in sorted(rows)], indent=1) + "\n")
-    if not rows:
-        sys.stderr.write(f"{RESULTS}: not there yet. Expected an earlier run; give --work.\n")
-        return 2
-    table = markdown([rows[name] for name in sorted(rows)])
-    PAGE.write_text(insert(PAGE.read_text(), table, *MARKS))
-    sys.stdout.write(table)
-    return 0
+    return published(rows, RESULTS, (PAGE, *MARKS), markdown)
 
 
 def render(kit: Path, name: str, folder: Path) -> None:

@@ -228,6 +228,25 @@ def insert(text: str, table: str, begin: str = BEGIN, end: str = END) -> str:
     return f"{before}{begin}\n{table}{end}{rest.split(end)[1]}"
 
 
+def published(rows: dict[str, Any], results: Path, page: tuple[Path, str, str],
+              markdown: Callable[[list[Any]], str]) -> int:
+    """Put the table of rows into a page and print it; 2 where there are no rows yet.
+
+    Args:
+        rows: by object.
+        results: file that they are from.
+        page: file, and the markers around the table.
+        markdown: makes the table of rows in order of their names.
+    """
+    if not rows:
+        sys.stderr.write(f"{results}: not there yet. Expected an earlier run; give --work.\n")
+        return 2
+    table = markdown([rows[name] for name in sorted(rows)])
+    page[0].write_text(insert(page[0].read_text(), table, *page[1:]))
+    sys.stdout.write(table)
+    return 0
+
+
 def git(*words: str) -> str:
     """Return the output of a git command, or "unknown" outside a clone."""
     done = subprocess.run(["git", *words], cwd=ROOT, capture_output=True, text=True, check=False)

@@ -29,14 +29,10 @@ import sabotage_files
 import sabotage_models
 from reconstruction_suite import git, insert
 from sabotage_tools import Kind, NotHereError
-from toy_scenes import toy_cabinet_twin
+from toy_scenes import toy_cabinet_twin, write_all
 
 from part2gs_robotics.errors import Part2GSError
-from part2gs_robotics.exporters.mjcf import write_mjcf
-from part2gs_robotics.exporters.twin_yaml import write_twin_yaml
-from part2gs_robotics.exporters.urdf import write_urdf
 from part2gs_robotics.model.twin import Part, PartMesh, Texture, Twin
-from part2gs_robotics.outputs import export_twin
 from part2gs_robotics.sim_checks import check
 from part2gs_robotics.sim_checks.result import CheckReport
 from part2gs_robotics.sim_checks.runner import GROUPS
@@ -72,13 +68,7 @@ def cabinet(folder: Path) -> Path:
     twin = toy_cabinet_twin(4)
     parts = tuple(_textured(p) if p.name == "part_1" else p for p in twin.parts)
     twin = Twin(twin.name, parts, twin.meters_per_unit, twin.up)
-    folder.mkdir(parents=True)
-    write_mjcf(twin, folder)
-    write_urdf(twin, folder)
-    write_twin_yaml(twin, folder)
-    for kind in ("sdf", "glb", "usd"):
-        export_twin(folder, kind, folder / kind)
-    return folder
+    return write_all(twin, folder)
 
 
 def _textured(part: Part) -> Part:

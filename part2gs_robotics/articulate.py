@@ -18,7 +18,7 @@ from part2gs_robotics.decide.candidate import Candidate, on_base
 from part2gs_robotics.decide.grow import decide, lowered
 from part2gs_robotics.decide.hang import hang
 from part2gs_robotics.decide.judge import Judge
-from part2gs_robotics.decide.leave_out import joint_of, kinds_chosen, thinned, unpaid
+from part2gs_robotics.decide.leave_out import joint_of, kinds_chosen, least, thinned, unpaid
 from part2gs_robotics.errors import FitError
 from part2gs_robotics.evidence.canonical import Canonical
 from part2gs_robotics.evidence.study import Study, gather
@@ -195,7 +195,7 @@ def _settled(judge: Judge, found: Candidate, photos: Photos, config: ArticulateC
     found = hang(judge, found, config.parts, np.random.default_rng(config.seed))
     if any(found.parents):
         found = aligned(judge, found, photos.sharp)
-    left = found if config.parts else thinned(judge, judge.judge(found))
+    left = found if config.parts else least(judge, judge.judge(found))
     return aligned(judge, left, photos.sharp) if len(left) < len(found) else left
 
 

@@ -4,47 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
-from typing import Literal
 
-from part2gs_robotics.agree.catalogue import CHECKS, check_id
+from part2gs_robotics.agree.catalogue import CHECKS
+from part2gs_robotics.agree.finding import CheckResult as CheckResult
+from part2gs_robotics.agree.finding import Status as Status
+from part2gs_robotics.agree.finding import measured
+from part2gs_robotics.agree.finding import passed as passed
 
-Status = Literal["pass", "warn", "fail", "skipped", "incomplete"]
 WORST: tuple[Status, ...] = ("fail", "incomplete", "warn", "pass", "skipped")  # first found wins
-
-
-@dataclass(frozen=True)
-class CheckResult:
-    """One measured number beside its limit.
-
-    Attributes:
-        name: the check.  subject: joint, part, file or pair it is about; "" = whole model.
-        status: incomplete = it could not be measured.  value, limit, unit: None when not numeric.
-        detail: one sentence for people.  cause: what to change, in which file; "" if all is well.
-    """
-
-    name: str
-    subject: str
-    status: Status
-    value: float | None = None
-    limit: float | None = None
-    unit: str = ""
-    detail: str = ""
-    cause: str = ""
-
-    def to_dict(self) -> dict[str, object]:
-        """Return plain values for JSON."""
-        return {
-            "name": f"{self.name}: {self.subject}" if self.subject else self.name,
-            "check": self.name,
-            "id": check_id(self.name),
-            "subject": self.subject,
-            "status": self.status,
-            "value": self.value,
-            "limit": self.limit,
-            "unit": self.unit,
-            "note": self.detail,
-            "cause": self.cause,
-        }
 
 
 @dataclass(frozen=True)
@@ -158,21 +125,8 @@ def with_causes(rows: Iterable[CheckResult]) -> list[CheckResult]:
             for r in rows]
 
 
-def passed(good: bool) -> Status:
-    """Return pass or fail."""
-    return "pass" if good else "fail"
-
-
 def row(
     name: str, subject: str, value: float, limit: float, unit: str, detail: str = ""
 ) -> CheckResult:
     """Return a row that passes when value <= limit; NaN fails."""
-    return CheckResult(
-        name,
-        subject,
-        passed(value <= limit),
-        float(value),
-        float(limit),
-        unit,
-        detail,
-    )
+    return measured(name, subject, (value, limit, unit), detail)

@@ -129,8 +129,7 @@ def _files_rows(folder: Path, compiled: dict[str, mujoco.MjModel]) -> list[Check
     for name, kind in further(folder).items():
         if kind == "sdf":
             check_model_files(folder / name)
-    return [CheckResult(f.check, f.subject, f.verdict, f.value, f.limit, f.unit, f.detail, f.cause)
-            for f in agreement(folder, compiled)]
+    return agreement(folder, compiled)
 
 
 Compiled = tuple[list[CheckResult], Models | None, dict[str, "mujoco.MjModel"]]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -158,3 +159,18 @@ def _cap(gap: float) -> Part:
     boxes: list[tuple[Corner, Corner]] = [((0.2, 0.25, top), (0.3, 0.35, top + 0.03))]
     joint = Joint("screw", np.array([0, 0, 1.0]), np.array([0.25, 0.3, top]), 2.0, pitch=0.01)
     return union_part("part_4", 0, boxes, joint, (0.0, 2.0), (90, 170, 90))
+
+
+def write_all(twin: Twin, folder: Path) -> Path:
+    """Write a twin and all its exports; return its folder."""
+    from part2gs_robotics.exporters.mjcf import write_mjcf
+    from part2gs_robotics.exporters.twin_yaml import write_twin_yaml
+    from part2gs_robotics.exporters.urdf import write_urdf
+    from part2gs_robotics.outputs import export_twin
+
+    folder.mkdir(parents=True)
+    for write in (write_mjcf, write_urdf, write_twin_yaml):
+        write(twin, folder)
+    for kind in ("sdf", "glb", "usd"):
+        export_twin(folder, kind, folder / kind)
+    return folder

@@ -1,7 +1,7 @@
 """Files of one twin against each other: every number that two of them hold is compared.
 
-In: a twin folder, its MJCF files compiled. Out: `finding.Finding` rows, each with what was found,
-what is allowed, and what to change in which file.
+In: a twin folder, its MJCF files compiled. Out: rows (`finding.CheckResult`), each with what was
+found, what is allowed, and what to change in which file.
 Call: `agreement`.
 """
 

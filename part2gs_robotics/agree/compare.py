@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 
 from part2gs_robotics.agree.described import Body, Described, Drive, moved, step
-from part2gs_robotics.agree.finding import Finding, fails
+from part2gs_robotics.agree.finding import CheckResult, fails, passes
 from part2gs_robotics.agree.vote import Far, Vote, apart, cloud, relative, vote
 from part2gs_robotics.model.arrays import F64
 
@@ -21,7 +21,7 @@ STATES = ("state_0", "state_1", "command state_0", "command state_1")
 Value = Callable[[Body], F64 | None]
 
 
-def compared(files: Sequence[Described], size: float) -> list[Finding]:
+def compared(files: Sequence[Described], size: float) -> list[CheckResult]:
     """Return a row per check, or one per file and part that says something else than most.
 
     Args:
@@ -64,7 +64,7 @@ def _coordinates(files: Sequence[Described], size: float) -> float:
                         for b in files[0].bodies.values())])
 
 
-def _bodies(files: Sequence[Described]) -> list[Finding]:
+def _bodies(files: Sequence[Described]) -> list[CheckResult]:
     """Return which parts and carriers a file has that others do not."""
     names = {f.file: np.array(sorted(f"{n} on {b.parent or 'world'}" for n, b in f.bodies.items()))
              for f in files}
@@ -81,7 +81,7 @@ def _bodies(files: Sequence[Described]) -> list[Finding]:
     out += [fails("same bodies", file, f"is called {titles[file][0]!r}; {named.said} "
                   f"{titles[named.winner][0]!r}", f"{file}: call it {titles[named.winner][0]!r}")
             for file in (named.odd if named else ()) if named]
-    return out or [Finding("same bodies", "", "pass", detail=f"{', '.join(names)} have the same "
+    return out or [passes("same bodies", "", f"{', '.join(names)} have the same "
                            f"{len(files[0].bodies)} parts")]
 
 
@@ -94,7 +94,7 @@ def _parts(files: Sequence[Described], names: Sequence[str], what: str, of: Valu
 
 
 def _rows(check: str, unit: str, far: Far, limits: Mapping[str, float], table: Table
-          ) -> list[Finding]:
+          ) -> list[CheckResult]:
     """Vote on every entry of a table and return failing rows, or one that passes."""
     out, worst, files, limit = [], 0.0, set[str](), max(limits.values())
     for (what, name), values in table.items():
@@ -105,14 +105,15 @@ def _rows(check: str, unit: str, far: Far, limits: Mapping[str, float], table: T
         worst = max(worst, found.worst)
         for file, gap in found.odd.items():
             said, other = _shown(values[file]), _shown(values[found.winner])
-            out.append(Finding(
+            out.append(CheckResult(
                 check, f"{file}: {name}", "fail", gap if np.isfinite(gap) else None, limits[file],
                 unit,
                 f"{what} is {said}; {found.said} {other}",
                 f"{file}: correct {what} of {name}{_goal(other)}, or build the twin again"))
     if out or not files:
         return out[:TOLD]
-    return [Finding(check, "", "pass", worst, limit, unit, f"alike in {', '.join(sorted(files))}")]
+    alike = f"alike in {', '.join(sorted(files))}"
+    return [CheckResult(check, "", "pass", worst, limit, unit, alike)]
 
 
 def _goal(text: str) -> str:
@@ -130,9 +131,10 @@ def _shown(value: F64) -> str:
     return " ".join(f"{v:.6g}" for v in np.atleast_1d(value))
 
 
-def _joints(files: Sequence[Described], names: Sequence[str], size: float) -> list[Finding]:
+def _joints(files: Sequence[Described], names: Sequence[str], size: float) -> list[CheckResult]:
     """Drive every joint alone, then all of them together, in every file by its own numbers."""
-    values, out, same = _draws(files[0], names), list[Finding](), {f.file: f.same for f in files}
+    values, same = _draws(files[0], names), {f.file: f.same for f in files}
+    out = list[CheckResult]()
     blamed: set[tuple[str, str]] = set()
     for name in names:
         points = _box(files[0].bodies[name].surface)
@@ -149,7 +151,7 @@ def _joints(files: Sequence[Described], names: Sequence[str], size: float) -> li
         blamed |= {(f, name) for f in lacking}
         out += _joint_names(files, name)
     out += _chains(files, names, values, size, blamed)
-    return out[:TOLD] or [Finding("same motion", "", "pass", detail=f"{DRAWS} random "
+    return out[:TOLD] or [passes("same motion", "", f"{DRAWS} random "
                                   f"positions of {len(names)} joint(s) put parts at one place")]
 
 
@@ -177,7 +179,7 @@ def _way(poses: Sequence[F64], points: F64) -> F64:
 
 
 def _joint_fault(where: tuple[str, str], found: Vote, drives: Mapping[str, Drive | None],
-                 gap: float, limit: float) -> Finding:
+                 gap: float, limit: float) -> CheckResult:
     """Return what of a joint differs, in words of joints; where: file and part."""
     file, name = where
     own, other = drives[file], drives[found.winner]
@@ -195,11 +197,11 @@ def _joint_fault(where: tuple[str, str], found: Vote, drives: Mapping[str, Drive
     else:
         text = f"turns about a line {np.linalg.norm(off):.4g} units away"
         goal = f"its origin to {_shown(other.origin)} (world, state 0)"
-    return Finding("same joint", f"{file}: {name}", "fail", gap, limit, "of size",
+    return CheckResult("same joint", f"{file}: {name}", "fail", gap, limit, "of size",
                    f"the joint of {name} {text}; {found.said} otherwise", f"{file}: set {goal}")
 
 
-def _joint_names(files: Sequence[Described], name: str) -> list[Finding]:
+def _joint_names(files: Sequence[Described], name: str) -> list[CheckResult]:
     said = {f.file: np.array([d.name]) for f in files
             if (d := f.bodies[name].drive) is not None and d.name}
     if len(said) < 2:
@@ -211,14 +213,14 @@ def _joint_names(files: Sequence[Described], name: str) -> list[Finding]:
 
 
 def _chains(files: Sequence[Described], names: Sequence[str], values: list[dict[str, float]],
-            size: float, blamed: set[tuple[str, str]]) -> list[Finding]:
+            size: float, blamed: set[tuple[str, str]]) -> list[CheckResult]:
     """Return parts that get elsewhere though no joint on the way is at fault."""
     out, same = [], {f.file: f.same for f in files}
     for name in names:
         points = _box(files[0].bodies[name].surface)
         ways = {f.file: _way([moved(f, name, v) for v in values], points) / size for f in files}
         found = vote(ways, apart, same)
-        out += [Finding("same motion", f"{file}: {name}", "fail", gap, same[file], "of size",
+        out += [CheckResult("same motion", f"{file}: {name}", "fail", gap, same[file], "of size",
                         f"joints alike, but {name} gets elsewhere; {found.said} otherwise",
                         f"{file}: hang {name} on the part that carries it in {found.winner}")
                 for file, gap in found.odd.items()
@@ -252,7 +254,7 @@ def _all(files: Sequence[Described], limit: float) -> dict[str, float]:
     return {f.file: limit for f in files}
 
 
-def _numbers(files: Sequence[Described], names: Sequence[str]) -> list[Finding]:
+def _numbers(files: Sequence[Described], names: Sequence[str]) -> list[CheckResult]:
     """Return friction, damping, effort and servo numbers that differ."""
     table = _said(files, names, lambda d: {k: v for k, v in d.numbers.items()
                                            if k not in ("servos", "motors")})
@@ -261,11 +263,11 @@ def _numbers(files: Sequence[Described], names: Sequence[str]) -> list[Finding]:
     for key, limit in LOOSE.items():
         out += [r for r in _rows("same dynamics", "", relative, _all(files, limit),
                                  {k: v for k, v in table.items() if k[0] == key})
-                if r.verdict != "pass"]
+                if r.status != "pass"]
     return out
 
 
-def _states(files: Sequence[Described], names: Sequence[str]) -> list[Finding]:
+def _states(files: Sequence[Described], names: Sequence[str]) -> list[CheckResult]:
     table = _said(files, names, lambda d: {k: v for k, v in d.states.items()
                                            if k.removeprefix("command ") in ("state_0", "state_1")})
     moving = any(d.kind != "fixed" for d in files[0].drives().values())
@@ -279,9 +281,9 @@ def _states(files: Sequence[Described], names: Sequence[str]) -> list[Finding]:
 
 
 def _pieces(files: Sequence[Described], names: Sequence[str], near: Mapping[str, float]
-            ) -> list[Finding]:
+            ) -> list[CheckResult]:
     """Return parts that do not collide in a file, or with other pieces than in others."""
-    out, table = list[Finding](), {}
+    out, table = list[CheckResult](), {}
     for name in names:
         pieces = {f.file: p for f in files if (p := f.bodies[name].pieces) is not None}
         out += [fails("collision there", f"{file}: {name}", "nothing of it collides",
@@ -289,6 +291,6 @@ def _pieces(files: Sequence[Described], names: Sequence[str], near: Mapping[str,
                 for file, own in pieces.items() if not own]
         table["collision pieces", name] = {f: np.concatenate(own) for f, own in pieces.items()
                                            if own}
-    out = out[:TOLD] or [Finding("collision there", "", "pass",
+    out = out[:TOLD] or [CheckResult("collision there", "", "pass",
                                  detail="every part collides in every file")]
     return out + _rows("same collision", "units", cloud, near, table)

@@ -1,40 +1,67 @@
-"""One thing that was compared: what was found, what is allowed, and what to change."""
+"""One row of a check: what was found, what is allowed, and what to change."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from typing import Literal
 
-Verdict = Literal["pass", "warn", "fail", "incomplete"]
+from part2gs_robotics.agree.catalogue import check_id
+
+Status = Literal["pass", "warn", "fail", "skipped", "incomplete"]
 
 
 @dataclass(frozen=True)
-class Finding:
-    """A row of the group `files`.
+class CheckResult:
+    """One measured number beside its limit.
 
     Attributes:
-        check: its id.  subject: file, or part or joint in a file.  verdict.
-        value, limit, unit: None where nothing is measured.
-        detail: what was found.  cause: which file is at fault, and what to change in it.
+        name: the check.  subject: joint, part, file or pair it is about; "" = whole model.
+        status: incomplete = it could not be measured.  value, limit, unit: None when not numeric.
+        detail: one sentence for people.  cause: what to change, in which file; "" if all is well.
     """
 
-    check: str
+    name: str
     subject: str
-    verdict: Verdict
+    status: Status
     value: float | None = None
     limit: float | None = None
     unit: str = ""
     detail: str = ""
     cause: str = ""
 
+    def to_dict(self) -> dict[str, object]:
+        """Return plain values for JSON."""
+        return {
+            "name": f"{self.name}: {self.subject}" if self.subject else self.name,
+            "check": self.name,
+            "id": check_id(self.name),
+            "subject": self.subject,
+            "status": self.status,
+            "value": self.value,
+            "limit": self.limit,
+            "unit": self.unit,
+            "note": self.detail,
+            "cause": self.cause,
+        }
 
-def fails(check: str, subject: str, detail: str, cause: str) -> Finding:
+
+def passed(good: bool) -> Status:
+    """Return pass or fail."""
+    return "pass" if good else "fail"
+
+
+def passes(check: str, subject: str, detail: str) -> CheckResult:
+    """Return a row about which nothing is wrong."""
+    return CheckResult(check, subject, "pass", detail=detail)
+
+
+def fails(check: str, subject: str, detail: str, cause: str) -> CheckResult:
     """Return a failure that is no matter of degree."""
-    return Finding(check, subject, "fail", detail=detail, cause=cause)
+    return CheckResult(check, subject, "fail", detail=detail, cause=cause)
 
 
 def measured(check: str, subject: str, amount: tuple[float, float, str], detail: str,
-             cause: str) -> Finding:
+             cause: str = "") -> CheckResult:
     """Return a row that passes while its value stays within a limit; NaN fails.
 
     Args:
@@ -42,9 +69,9 @@ def measured(check: str, subject: str, amount: tuple[float, float, str], detail:
         subject: what it is about.
         amount: value, limit, unit.
         detail: what was found.
-        cause: what to change if it fails.
+        cause: what to change if it fails; "" = what usually mends it.
     """
     value, limit, unit = amount
-    good = value <= limit
-    return Finding(check, subject, "pass" if good else "fail", value, limit, unit, detail,
-                   "" if good else cause)
+    status = passed(value <= limit)
+    return CheckResult(check, subject, status, float(value), float(limit), unit, detail,
+                       cause if status == "fail" else "")

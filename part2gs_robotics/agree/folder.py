@@ -13,7 +13,7 @@ import numpy as np
 from part2gs_robotics.agree import truth, world
 from part2gs_robotics.agree.compare import compared
 from part2gs_robotics.agree.described import NO, Described
-from part2gs_robotics.agree.finding import Finding, fails
+from part2gs_robotics.agree.finding import CheckResult, fails, passes
 from part2gs_robotics.agree.meshes import Meshes
 from part2gs_robotics.agree.of_glb import of_glb
 from part2gs_robotics.agree.of_mujoco import of_mujoco
@@ -57,7 +57,7 @@ def further(folder: Path) -> dict[str, str]:
             if (folder / name).is_file()}
 
 
-def agreement(folder: Path, models: Mapping[str, mujoco.MjModel]) -> list[Finding]:
+def agreement(folder: Path, models: Mapping[str, mujoco.MjModel]) -> list[CheckResult]:
     """Compare every file of a twin folder with every other, and with the meshes they show.
 
     Args:
@@ -71,10 +71,10 @@ def agreement(folder: Path, models: Mapping[str, mujoco.MjModel]) -> list[Findin
         return _agreement(folder, models)
 
 
-def _agreement(folder: Path, models: Mapping[str, mujoco.MjModel]) -> list[Finding]:
+def _agreement(folder: Path, models: Mapping[str, mujoco.MjModel]) -> list[CheckResult]:
     out = [fails("files", name, "is not there", f"build the twin again: a twin needs {name}")
            for name in NEEDED if not (folder / name).is_file()]
-    out = out or [Finding("files", "", "pass", detail=f"{', '.join(NEEDED)} are there")]
+    out = out or [passes("files", "", f"{', '.join(NEEDED)} are there")]
     told, found = _told(folder)
     out += found
     files = [told.described] if told.described else []
@@ -96,7 +96,7 @@ def _agreement(folder: Path, models: Mapping[str, mujoco.MjModel]) -> list[Findi
     return out
 
 
-def _told(folder: Path) -> tuple[Told, list[Finding]]:
+def _told(folder: Path) -> tuple[Told, list[CheckResult]]:
     if not (folder / YAML).is_file():
         return Told(None, None, {}), []
     try:
@@ -123,14 +123,14 @@ def _reader(folder: Path, name: str, kind: str, twin: Twin) -> Callable[[], Desc
 
 
 def _read(name: str, reader: Callable[[], Described | None]
-          ) -> tuple[Described | None, list[Finding]]:
+          ) -> tuple[Described | None, list[CheckResult]]:
     try:
         found = reader()
     except (ValueError, OSError, SyntaxError) as error:  # SyntaxError: XML that is none
         return None, [fails("readable", name, str(error).splitlines()[0][:200],
                             f"{name}: correct it, or build and export the twin again")]
     if found is None:
-        return None, [Finding("readable", name, "warn", detail="not compared: usd-core is not "
+        return None, [CheckResult("readable", name, "warn", detail="not compared: usd-core is not "
                               "installed", cause="pip install 'part2gs-robotics[usd]'")]
     return found, []
 
@@ -142,10 +142,10 @@ def _size(files: Sequence[Described]) -> float:
 
 
 def _alone(folder: Path, models: Mapping[str, mujoco.MjModel], told: Told, size: float
-           ) -> list[Finding]:
+           ) -> list[CheckResult]:
     """Return what is judged in one model by itself."""
     step = number(told.document, "timestep") if told.document else STEP
-    rows = list[Finding]()
+    rows = list[CheckResult]()
     for name in (PASSIVE, ACTUATED):
         if name in models:
             rows += world.leaking(folder / name) + world.extras(name, models[name])

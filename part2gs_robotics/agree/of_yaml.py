@@ -9,7 +9,7 @@ from typing import get_args
 import numpy as np
 
 from part2gs_robotics.agree.described import NO, Body, Described, Drive
-from part2gs_robotics.agree.finding import Finding, fails
+from part2gs_robotics.agree.finding import CheckResult, fails, passes
 from part2gs_robotics.exporters.read_twin import read_twin
 from part2gs_robotics.exporters.twin_yaml import Source, read_twin_yaml
 from part2gs_robotics.model.arrays import F64
@@ -80,7 +80,7 @@ def array(entry: object, key: str, shape: tuple[int, ...]) -> F64:
     return np.full(shape, NO) if wrong else found
 
 
-def provenance(document: dict[str, object]) -> list[Finding]:
+def provenance(document: dict[str, object]) -> list[CheckResult]:
     """Return what lacks its value or where it comes from, one passing row if nothing does."""
     wanted: list[tuple[str, dict[str, object], tuple[str, ...]]] = [("", document, WHOLE)]
     wanted += [(f"parts.{e.get('name')}.", e, PART) for e in _entries(document, "parts")]
@@ -89,7 +89,7 @@ def provenance(document: dict[str, object]) -> list[Finding]:
                if not _known(entry.get(key))]
     lacking += [path for path in _leaves(document, "") if path not in lacking]
     if not lacking:
-        return [Finding("provenance", YAML, "pass", detail="every number says where it comes from")]
+        return [passes("provenance", YAML, "every number says where it comes from")]
     rest = f" and {len(lacking) - 1} more" if len(lacking) > 1 else ""
     return [fails("provenance", YAML, f"{lacking[0]}{rest} without value, source and note",
                   f"twin.yaml: give {lacking[0]} a value and a source, one of "
@@ -121,7 +121,7 @@ def _leaves(tree: object, path: str) -> Iterator[str]:
             yield from _leaves(value, f"{path}.{name}")
 
 
-def ranges(described: Described, document: dict[str, object]) -> list[Finding]:
+def ranges(described: Described, document: dict[str, object]) -> list[CheckResult]:
     """Return where twin.yaml contradicts itself: states outside of the range, observed ends."""
     out = []
     for entry in _entries(document, "joints"):
@@ -146,15 +146,15 @@ def ranges(described: Described, document: dict[str, object]) -> list[Finding]:
         if not (drive.limits[0] - slack <= ends[0] and ends[1] <= drive.limits[1] + slack):
             out.append(_yaml_fault(name, f"range {drive.limits} does not hold the states {ends}",
                                    "range or state_1"))
-    return out or [Finding("own numbers", YAML, "pass", detail="ranges hold the observed states")]
+    return out or [passes("own numbers", YAML, "ranges hold the observed states")]
 
 
-def _yaml_fault(name: str, detail: str, key: str) -> Finding:
+def _yaml_fault(name: str, detail: str, key: str) -> CheckResult:
     return fails("own numbers", f"{YAML}: {name}", detail,
                  f"twin.yaml: correct {key} of {name}, or build the twin again")
 
 
-def density_of_material(twin: Twin, document: dict[str, object]) -> list[Finding]:
+def density_of_material(twin: Twin, document: dict[str, object]) -> list[CheckResult]:
     """Return parts whose density is not that of the material at the scale twin.yaml gives."""
     known = density_of(twin.material or DEFAULT)
     wanted = NO if known is None else known * twin.meters**3

@@ -8,7 +8,7 @@ import numpy as np
 from manifold3d import Manifold
 
 from part2gs_robotics.agree.described import Described
-from part2gs_robotics.agree.finding import Finding, fails, measured
+from part2gs_robotics.agree.finding import CheckResult, fails, measured, passes
 from part2gs_robotics.agree.of_yaml import array, number
 from part2gs_robotics.agree.vote import apart, relative
 from part2gs_robotics.errors import ExportError
@@ -21,7 +21,7 @@ DIGITS = 1e-5  # relative: meshes have nine digits, and their integrals lose at 
 LOOSE = 0.05  # of the size between a bit and the rest; bits of thirty finished twins keep 0.036
 
 
-def masses(described: Described, twin: Twin, document: dict[str, object]) -> list[Finding]:
+def masses(described: Described, twin: Twin, document: dict[str, object]) -> list[CheckResult]:
     """Return where a part's mass, centre or inertia is not that of its mesh and density.
 
     A mass that somebody measured stands for itself; its inertia must still be the mesh's share.
@@ -32,7 +32,7 @@ def masses(described: Described, twin: Twin, document: dict[str, object]) -> lis
         document: the whole of twin.yaml.
     """
     entries = document.get("parts")
-    out, worst, count = list[Finding](), 0.0, 0
+    out, worst, count = list[CheckResult](), 0.0, 0
     for part, entry in zip(twin.parts, entries if isinstance(entries, list) else [], strict=False):
         if defect(part.mesh) is not None:
             continue  # the row `mesh` says so
@@ -50,7 +50,7 @@ def masses(described: Described, twin: Twin, document: dict[str, object]) -> lis
         worst, count = max(worst, *gaps.values()), count + 1
         key = next((k for k, gap in gaps.items() if not gap <= DIGITS), "")
         if key:
-            out.append(Finding(
+            out.append(CheckResult(
                 "mass of mesh", f"twin.yaml: {part.name}", "fail", gaps[key], DIGITS, "",
                 f"{key} is not that of the mesh, whose volume is {true.volume:.6g} units^3, centre "
                 f"{true.center.round(6).tolist()}, and which weighs {wanted:.6g} kg",
@@ -65,7 +65,7 @@ def _size(meshes: tuple[PartMesh, ...]) -> float:
     return float(np.linalg.norm(np.ptp(points, axis=0))) or 1.0
 
 
-def loose_bits(twin: Twin) -> list[Finding]:
+def loose_bits(twin: Twin) -> list[CheckResult]:
     """Return the part of whose mesh a bit floats furthest from the rest of it and of all others.
 
     Args:
@@ -93,7 +93,7 @@ def _middle(solid: Manifold) -> F64:
     return np.asarray((box[:3] + box[3:]) / 2)
 
 
-def textures(twin: Twin, folder: Path, document: dict[str, object]) -> list[Finding]:
+def textures(twin: Twin, folder: Path, document: dict[str, object]) -> list[CheckResult]:
     """Return parts whose material file is not there or names another picture, or that are open."""
     out = []
     entries = document.get("parts")
@@ -117,7 +117,7 @@ def textures(twin: Twin, folder: Path, document: dict[str, object]) -> list[Find
         elif f"map_Kd {part.name}_texture.png" not in text:
             out.append(fails("assets", f"{material.name}", f"names no {part.name}_texture.png",
                              f"assets/{material.name}: restore it, or build the twin again"))
-    return out or [Finding("assets", "", "pass", detail="meshes, pieces, materials and pictures "
+    return out or [passes("assets", "", "meshes, pieces, materials and pictures "
                            "that twin.yaml names are there")]
 
 

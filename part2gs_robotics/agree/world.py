@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from part2gs_robotics.agree.finding import Finding, fails
+from part2gs_robotics.agree.finding import CheckResult, fails, passes
 from part2gs_robotics.agree.of_mujoco import actuators
 from part2gs_robotics.exporters.inertia import gravity_vector
 from part2gs_robotics.model.arrays import F64
@@ -29,7 +29,7 @@ LEVEL = 0.9999  # cosine between ground and gravity: 0.8 degrees, on which nothi
 REACH = 9  # positions of every joint at which excluded parts are looked at
 
 
-def contact_rules(file: str, model: mujoco.MjModel, size: float) -> list[Finding]:
+def contact_rules(file: str, model: mujoco.MjModel, size: float) -> list[CheckResult]:
     """Return what keeps parts of a model from meeting each other or a hand, or makes them spring.
 
     Args:
@@ -65,10 +65,10 @@ def contact_rules(file: str, model: mujoco.MjModel, size: float) -> list[Finding
             out.append(fails("contact rules", f"{file}: {part}", f"{name} {text}",
                              f"{file}: give {name} {goal}"))
     return [*out[:1], *_pairs(file, model, size)] or [
-        Finding("contact rules", file, "pass", detail="pieces meet what they touch")]
+        passes("contact rules", file, "pieces meet what they touch")]
 
 
-def _pairs(file: str, model: mujoco.MjModel, size: float) -> list[Finding]:
+def _pairs(file: str, model: mujoco.MjModel, size: float) -> list[CheckResult]:
     out = []
     if model.npair:
         out.append(fails("contact rules", file, f"{model.npair} pairs of geoms with contact rules "
@@ -78,7 +78,7 @@ def _pairs(file: str, model: mujoco.MjModel, size: float) -> list[Finding]:
         names = f"{model.body(one).name} and {model.body(two).name}"
         near, at = _nearest(model, (one, two))
         meets = near <= WIDE * size
-        out.append(Finding(
+        out.append(CheckResult(
             "contact exclude", f"{file}: {names}", "fail" if meets else "warn", near, WIDE * size,
             "units", f"excluded from contact; nearest {near:.4g} units at qpos {at}",
             f"{file}: remove <exclude> of {names}, and part their pieces where they overlap"))
@@ -104,7 +104,7 @@ def _nearest(model: mujoco.MjModel, pair: tuple[int, int]) -> tuple[float, list[
     return best, at
 
 
-def servo_rules(file: str, model: mujoco.MjModel, wanted: int, step: float) -> list[Finding]:
+def servo_rules(file: str, model: mujoco.MjModel, wanted: int, step: float) -> list[CheckResult]:
     """Return joints without the servo they must have, or with one too stiff for the time step.
 
     Args:
@@ -131,14 +131,15 @@ def servo_rules(file: str, model: mujoco.MjModel, wanted: int, step: float) -> l
         felt = float(model.dof_M0[model.jnt_dofadr[j]])
         rate = float(np.sqrt(kp / max(felt, 1e-300))) * step
         if not rate <= STABLE:
-            out.append(Finding("servos", f"{file}: {name}", "fail", rate, STABLE, "rad per step",
-                               f"kp {kp:.4g} on an inertia of {felt:.4g} at {step:g} s a step",
-                               f"{file}: lower kp of {name}'s servo to what twin.yaml says, or the "
-                               "time step of scene.xml"))
+            out.append(CheckResult(
+                "servos", f"{file}: {name}", "fail", rate, STABLE, "rad per step",
+                f"kp {kp:.4g} on an inertia of {felt:.4g} at {step:g} s a step",
+                f"{file}: lower kp of {name}'s servo to what twin.yaml says, or the time step of "
+                "scene.xml"))
     if driven != model.nu and not out:
         out.append(fails("servos", file, f"{model.nu - driven} actuators act on no joint",
                          f"{file}: remove them"))
-    return out[:4] or [Finding("servos", file, "pass", detail=f"{wanted} per joint")]
+    return out[:4] or [passes("servos", file, f"{wanted} per joint")]
 
 
 def _unlike_servo(model: mujoco.MjModel, joint: int, actuators: list[int]) -> str:
@@ -152,7 +153,7 @@ def _unlike_servo(model: mujoco.MjModel, joint: int, actuators: list[int]) -> st
     return f"actuatorfrcrange holds {model.jnt_actfrcrange[joint]} back" if limited else ""
 
 
-def extras(file: str, model: mujoco.MjModel) -> list[Finding]:
+def extras(file: str, model: mujoco.MjModel) -> list[CheckResult]:
     """Return what holds or lifts parts besides joints: welds, tendons, springs, no gravity."""
     import mujoco
 
@@ -169,7 +170,7 @@ def extras(file: str, model: mujoco.MjModel) -> list[Finding]:
     out = [fails("own settings", file, f"{count} {what}",
                  f"{file}: remove them; a twin's parts hang on their joints alone")
            for what, count in found.items() if count > 0]
-    return out or [Finding("own settings", file, "pass", detail="parts hang on joints alone")]
+    return out or [passes("own settings", file, "parts hang on joints alone")]
 
 
 def _beyond(model: mujoco.MjModel) -> int:
@@ -189,7 +190,7 @@ def _soft(model: mujoco.MjModel) -> int:
     return int((~press).sum())
 
 
-def options(model: mujoco.MjModel, twin: Twin | None, told: F64, step: float) -> list[Finding]:
+def options(model: mujoco.MjModel, twin: Twin | None, told: F64, step: float) -> list[CheckResult]:
     """Return what of the world in scene.xml contradicts twin.yaml, or is no world.
 
     Args:
@@ -225,11 +226,11 @@ def options(model: mujoco.MjModel, twin: Twin | None, told: F64, step: float) ->
     if int(found.enableflags) & 1:
         faults.append((file, "contacts of all bodies are overridden", "drop <flag override>"))
     out = [fails("options", f, text, f"{f}: {goal}") for f, text, goal in faults]
-    return out or [Finding("options", file, "pass", detail=f"gravity and a time step of "
+    return out or [passes("options", file, f"gravity and a time step of "
                            f"{found.timestep:g} s as in twin.yaml")]
 
 
-def clear_world(model: mujoco.MjModel) -> list[Finding]:
+def clear_world(model: mujoco.MjModel) -> list[CheckResult]:
     """Return what of the world touches the twin at its observed states."""
     import mujoco
 
@@ -244,11 +245,11 @@ def clear_world(model: mujoco.MjModel) -> list[Finding]:
                 one, two = (model.geom(g).name or f"geom {g}" for g in geoms)
                 out.append(fails("clear world", "scene.xml", f"{one} touches {two} at "
                                  f"{model.key(k).name}", f"scene.xml: move {one} or {two} away"))
-    clear = Finding("clear world", "scene.xml", "pass", detail="ground is clear of it")
+    clear = passes("clear world", "scene.xml", "ground is clear of it")
     return out[:1] or _ground(model) or [clear]
 
 
-def _ground(model: mujoco.MjModel) -> list[Finding]:
+def _ground(model: mujoco.MjModel) -> list[CheckResult]:
     """Return that there is no level, solid ground."""
     import mujoco
 
@@ -267,7 +268,7 @@ def _ground(model: mujoco.MjModel) -> list[Finding]:
                   "scene.xml: add a plane below the twin, its zaxis up, or build the twin again")]
 
 
-def leaking(path: Path) -> list[Finding]:
+def leaking(path: Path) -> list[CheckResult]:
     """Return settings in a twin's own file that change the world it is put into."""
     import xml.etree.ElementTree as ET
 

@@ -9,13 +9,14 @@ import logging
 from dataclasses import replace
 from functools import partial
 
-from part2gs_robotics.decide.candidate import Candidate
+from part2gs_robotics.decide.candidate import PART, Candidate
 from part2gs_robotics.decide.judge import Judge
 from part2gs_robotics.model.joint import Joint
 from part2gs_robotics.runtime.side_by_side import side_by_side
 from part2gs_robotics.search.choose_kind import choose_joint
 
 logger = logging.getLogger(__name__)
+POLISHES = 3.0  # prices: joints of two parts without a false third saved 1.3
 
 
 def thinned(judge: Judge, found: Candidate) -> Candidate:
@@ -33,6 +34,26 @@ def thinned(judge: Judge, found: Candidate) -> Candidate:
                     found.cost - best.cost)
         found = best
     return found
+
+
+def least(judge: Judge, found: Candidate) -> Candidate:
+    """Return the judged candidate thinned, joints polished of what is left before it is compared.
+
+    A false part takes surfels that the joints of others then fit without; polished alone, they may
+    cost less.
+    """
+    found = thinned(judge, found)
+    if len(found) < 2:
+        return found
+    trials = [judge.judge(found.without(k)) for k in range(len(found))
+              if k + 1 not in found.parents]
+    near = [judge.polished(t) for t in trials if t.cost < found.cost + POLISHES * PART]
+    best = min(near, key=lambda c: c.cost, default=found)
+    if best.cost >= found.cost:
+        return found
+    logger.info("decide: one less, polished: %d parts, cost %.4f, %.4f less", len(best), best.cost,
+                found.cost - best.cost)
+    return least(judge, best)
 
 
 def unpaid(judge: Judge, found: Candidate) -> list[int]:

@@ -11,7 +11,7 @@ from part2gs_robotics.config import ArticulateConfig
 from part2gs_robotics.decide.candidate import Candidate
 from part2gs_robotics.decide.claim import FAR_COST, STAYS, claim
 from part2gs_robotics.decide.judge import MIN_SURFELS, Judge
-from part2gs_robotics.decide.labelling import unary_costs
+from part2gs_robotics.decide.labelling import Unary, unary_costs
 from part2gs_robotics.evidence.study import Study
 from part2gs_robotics.model.arrays import F32, F64, Labels
 from part2gs_robotics.paper.identity import PAPER, refine_identities
@@ -71,9 +71,8 @@ def final_labels(judge: Judge, end: Candidate, config: ArticulateConfig) -> tupl
     if hard is claimed:
         return claimed, costs
     eye = np.eye(len(known) + 1)[hard]
-    landing = unary_costs([np.eye(4), *(j.state1_from_0 for j in known.motions)],
-                          judge.study.surfels, judge.lands, judge.study.tau)
-    return hard, landing.cost(eye) + FAR_COST * (1.0 - eye)
+    landing = _landing(judge, [j.state1_from_0 for j in known.motions]).cost(eye)
+    return hard, landing + FAR_COST * (1.0 - eye)
 
 
 def identity_labels(judge: Judge, found: Candidate, config: ArticulateConfig,
@@ -92,9 +91,13 @@ def identity_labels(judge: Judge, found: Candidate, config: ArticulateConfig,
 
 def landing_costs(judge: Judge, moves: list[F64]) -> F64:
     """Return [N0 + N1, K+1] how badly every motion lands every surfel; column 0 = static."""
-    study = judge.study
-    unary = unary_costs([np.eye(4), *moves], study.surfels, judge.lands, study.tau)
+    unary = _landing(judge, moves)
     return unary.cost(np.ones_like(unary.match))
+
+
+def _landing(judge: Judge, moves: list[F64]) -> Unary:
+    study = judge.study
+    return unary_costs([np.eye(4), *moves], study.surfels, judge.lands, study.tau)
 
 
 def part_probs(study: Study, found: Candidate, costs: F64, config: ArticulateConfig,

@@ -1,4 +1,4 @@
-"""What the object stands on, and the box it stands in, from sparse points of both states."""
+"""What the object stands on, from sparse points of both states."""
 
 from __future__ import annotations
 
@@ -15,27 +15,23 @@ FLAT = 0.012  # of the cameras' distance: three sigma of points on a plane
 NEARBY = 0.9  # of the cameras' distance: what the ring of cameras encloses
 UNDER = 0.35  # of the cameras' distance: below this far around the middle nothing lies under it
 FEWEST_ON_PLANE = 40  # points: fewer fit some plane in any cloud
-LINK = 0.12  # of the cameras' distance: gaps within sparse points of one object
 
 
 @dataclass(frozen=True)
 class Support:
-    """The plane below the object and a box about it, in a frame that stands on the plane.
+    """The plane below the object, as a frame that stands on it.
 
     Attributes:
         stand_from_world: [4, 4]: the plane becomes z = 0, up is +z, the middle is the origin.
         radius: the cameras' distance from the middle.
-        lo, hi: [3] corners of the box in that frame; z of lo is 0.
     """
 
     stand_from_world: F64
     radius: float
-    lo: F64
-    hi: F64
 
 
 def find_support(posed: Posed) -> Support:
-    """Return the plane that the object stands on and the box it fills.
+    """Return the plane that the object stands on.
 
     Raises:
         SceneError: no plane lies under what the cameras look at.
@@ -50,10 +46,7 @@ def find_support(posed: Posed) -> Support:
                          "above; put a textured mat or the sheet of part2gs-robot marker under "
                          "it, or give masks (alpha or masks/).")
     up, height = plane
-    frame = _standing(up, height, middle, at)
-    points = near @ frame[:3, :3].T + frame[:3, 3]
-    lo, hi = _box(points, radius)
-    return Support(frame, radius, lo, hi)
+    return Support(_standing(up, height, middle, at), radius)
 
 
 def _plane(points: F64, at: F64, middle: F64, radius: float) -> tuple[F64, float] | None:
@@ -102,26 +95,3 @@ def _standing(up: F64, height: float, middle: F64, at: F64) -> F64:
     frame[:3, :3] = np.stack([x, np.cross(up, x), up])
     frame[:3, 3] = -frame[:3, :3] @ foot
     return frame
-
-
-def _box(points: F64, radius: float) -> tuple[F64, F64]:
-    """Return the box of the points above the plane that hang together about the middle."""
-    from scipy.sparse import coo_matrix
-    from scipy.sparse.csgraph import connected_components
-    from scipy.spatial import cKDTree
-
-    above = points[points[:, 2] > 2 * FLAT * radius]
-    default = 0.3 * radius
-    if len(above) < 10:
-        return np.array([-default, -default, 0.0]), np.array([default, default, 2 * default])
-    tree = cKDTree(above)
-    pairs = tree.query_pairs(LINK * radius, output_type="ndarray")
-    graph = coo_matrix((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), (len(above),) * 2)
-    label = connected_components(graph, directed=False)[1]
-    weight = np.exp(-((np.linalg.norm(above[:, :2], axis=1) / (0.3 * radius)) ** 2))
-    main = above[label == np.bincount(label, weight).argmax()]
-    lo, hi = np.percentile(main, 1, axis=0), np.percentile(main, 99, axis=0)
-    margin = 0.1 * (hi - lo).max()
-    lo, hi = lo - margin, hi + margin
-    lo[2] = 0.0
-    return lo, hi

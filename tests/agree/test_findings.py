@@ -127,7 +127,7 @@ def test_a_loose_bit_is_as_far_as_it_is(distance: float, verdict: str) -> None:
     (row,) = truth.loose_bits(Twin("t", (Part("base", -1, mesh, (mesh,), None),)))
     size = float(np.linalg.norm([1.1 + distance, 1, 1]))
     far = min(distance, 3 * truth.LOOSE * size)
-    assert (row.verdict, row.value) == (verdict, pytest.approx(far / size, rel=1e-6))
+    assert (row.status, row.value) == (verdict, pytest.approx(far / size, rel=1e-6))
 
 
 def test_a_bit_inside_another_part_is_not_loose() -> None:
@@ -136,7 +136,7 @@ def test_a_bit_inside_another_part_is_not_loose() -> None:
     parts = tuple(Part(n, -1, m, (m,), None) for n, m in (("base", door), ("part_1", other)))
     assert to_manifold(door).num_tri() == 24
     (row,) = truth.loose_bits(Twin("t", parts))
-    assert row.verdict == "pass"
+    assert row.status == "pass"
 
 
 @pytest.mark.parametrize(("value", "said"), [("nan", "compile"), ("0", "compile"),

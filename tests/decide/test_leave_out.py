@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from part2gs_robotics.decide.candidate import on_base
-from part2gs_robotics.decide.leave_out import kinds_chosen, thinned, unpaid
+from part2gs_robotics.decide.leave_out import kinds_chosen, least, thinned, unpaid
 from part2gs_robotics.model.joint import Joint
 
 pytestmark = pytest.mark.usefixtures("one_numba_thread")
@@ -36,6 +36,19 @@ def test_a_copy_leaves_and_true_parts_stay(judge, parts):
     assert thinned(judge, left) is left
     sure = judged(judge, first, second)
     assert thinned(judge, sure) is sure
+
+
+def test_a_part_leaves_that_only_makes_up_for_joints_off_by_a_little(judge, parts):
+    """The first joint is a little short, and a false part makes up for that."""
+    first, second, _ = parts
+    short = replace(first, value=0.985 * first.value)
+    found = judged(judge, short, second, replace(first, value=1.005 * first.value))
+    left = least(judge, found)
+    assert len(left) == 2
+    assert left.cost <= min(found.cost, thinned(judge, found).cost)
+    assert min(abs(h.value - first.value) for h in left.motions) < 0.01 * first.value
+    sure = judged(judge, first, second)
+    assert least(judge, sure) is sure
 
 
 def test_numbers_follow_what_leaves(judge, parts):

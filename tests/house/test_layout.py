@@ -35,7 +35,7 @@ ALONE = {  # from that room, these files alone
     ("agree", "exporters"): {"inertia", "meshfile", "read_twin", "twin_yaml"},
     ("sim_checks", "exporters"): {"twin_yaml"},
     ("sim_checks", "collision"): {"depth"},
-    ("sim_checks", "agree"): {"__init__", "catalogue", "folder"},
+    ("sim_checks", "agree"): {"__init__", "catalogue", "finding", "folder"},
     ("capture", "sim_checks"): {"model_files", "engine"},
 }  # fmt: skip
 ORDER = {"build", "outputs", "articulate", "cli"}  # files that know rooms by their order

@@ -27,13 +27,11 @@ def cloud(rng: np.random.Generator, table: int = 400, lid: int = 300) -> np.ndar
         rng.uniform(-1, 1, (100, 3)) + np.array([0, 0, 1.2])])
 
 
-def test_the_table_is_the_support_and_the_lid_is_in_the_box():
+def test_the_table_is_the_support_not_the_lid_nor_the_floor():
     found = find_support(posed(cloud(np.random.default_rng(0))))
     up = np.linalg.inv(found.stand_from_world)[:3, 2]
     assert up @ [0, 0, 1] > np.cos(np.deg2rad(0.5))
     assert abs(found.stand_from_world[2, 3]) < 0.01
-    assert found.lo[2] == 0.0
-    assert 0.35 < found.hi[2] < 0.6
 
 
 def test_another_frame_and_unit_give_the_same_answer():
@@ -44,7 +42,6 @@ def test_another_frame_and_unit_give_the_same_answer():
     assert b.radius == pytest.approx(7 * a.radius, rel=1e-9)
     world = a.stand_from_world @ np.linalg.inv(move) @ np.linalg.inv(b.stand_from_world)
     np.testing.assert_allclose(world[:3, :3], np.eye(3), atol=1e-6)
-    np.testing.assert_allclose(b.hi, 7 * a.hi, rtol=1e-6)
 
 
 def test_without_a_plane_the_message_says_what_to_do():
