@@ -39,11 +39,17 @@ def smooth_facets(vertices: F64, faces: I64) -> Facets:
 
 def neighbours(faces: I64) -> tuple[I64, I64]:
     """Return the pairs of faces that share an edge of a closed mesh."""
+    _, sides = paired(faces)
+    return sides[:, 0], sides[:, 1]
+
+
+def paired(faces: I64) -> tuple[I64, I64]:
+    """Return the edges [E, 2] of a closed mesh, as vertices and as the two faces of each."""
     edges = np.sort(np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]), axis=1)
     order = np.lexsort(edges.T)
-    face = np.tile(np.arange(len(faces)), 3)[order]
-    same = (np.diff(edges[order], axis=0) == 0).all(1)
-    return face[:-1][same], face[1:][same]
+    edges, face = edges[order], np.tile(np.arange(len(faces)), 3)[order]
+    same = (np.diff(edges, axis=0) == 0).all(1)
+    return edges[:-1][same], np.stack([face[:-1][same], face[1:][same]], 1)
 
 
 def half_sphere() -> F64:

@@ -144,18 +144,24 @@ def _gaps(rims: _Rims, lifts: F64, alpha: NDArray[np.uint8], projection: F64) ->
     rows = np.arange(len(seen))
     outward = rims.signs[seen][rows, back][:, None] * normals[rows, back]
     across *= np.sign((across * np.einsum("nij,nj->ni", flow, outward)).sum(1))[:, None]
-    gap = _crossings(alpha, pixels, across)
+    gap = crossings(alpha, pixels, across)
     found = np.isfinite(gap)
     slopes = np.einsum("ni,nij,njk->nk", across, flow, lifts[seen])
     return _Gaps(rims.planes[seen][found], slopes[found], gap[found])
 
 
-def _crossings(alpha: NDArray[np.uint8], pixels: F64, across: F64) -> F64:
-    """Return [N] pixels from points, outward, to where coverage falls below a half; inf if not."""
+def crossings(alpha: NDArray[np.uint8], pixels: F64, across: F64) -> F64:
+    """Return [N] pixels from points, outward, to where coverage falls below a half; inf if not.
+
+    Args:
+        alpha: [H, W] coverage 0..255.
+        pixels: [N, 2].
+        across: [N, 2] unit, outward.
+    """
     along = np.arange(-REACH, REACH + STEP / 2, STEP)
     places = pixels[:, None] + along[:, None] * across[:, None] - 0.5  # array indices
     cover = map_coordinates(alpha, places[..., ::-1].reshape(-1, 2).T, np.float64, 1,
-                            mode="constant", cval=127.5).reshape(len(pixels), -1) - 127.5
+                            mode="constant", cval=127.5).reshape(len(pixels), len(along)) - 127.5
     inner, outer = cover[:, :-1], cover[:, 1:]
     falls = (inner > 0) & (outer < 0)
     at = along[:-1] + STEP * inner / np.where(falls, inner - outer, 1.0)

@@ -18,6 +18,7 @@ from part2gs_robotics.evidence.segments import segments_of
 from part2gs_robotics.mesh.make_room import all_apart, without_bits
 from part2gs_robotics.mesh.see_through import missed, unstopped
 from part2gs_robotics.mesh.surface import arrays, closed_surface, flaw, vertices_apart
+from part2gs_robotics.mesh.to_outlines import to_outlines
 from part2gs_robotics.model.arrays import F32, F64, Mask
 from part2gs_robotics.model.kinematics import chain, sweep
 from part2gs_robotics.model.scene import Scene
@@ -84,7 +85,8 @@ def board_surfaces(place: Place, evidence: Sequence[Fused], wholes: Sequence[Sol
               in zip(boards, smooth, missed(boards, place, maps), strict=True)]
     surfaces = [_closed(board, smooth[k][0], k) for k, board in enumerate(boards)]
     voxel = wholes[0].grid.voxel
-    apart = all_apart(surfaces, [board.pieces for board in boards], place, voxel)
+    surfaces, pieces = to_outlines(surfaces, [board.pieces for board in boards], place, maps, voxel)
+    apart = all_apart(surfaces, pieces, place, voxel)
     return [_plain(surface, voxel) for surface in apart]
 
 

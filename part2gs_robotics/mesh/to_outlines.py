@@ -1,0 +1,191 @@
+"""To outlines: surfaces moved until all photos see them end where their masks do.
+
+Every vertex may move; neighbours, along the surface and through it, move alike, so that a wall
+stays as thick as it is and what no outline tells follows what some do. Gauss-Newton, one sparse
+linear system per part and round.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.sparse import coo_matrix, csr_matrix, diags, identity, kron
+
+from part2gs_robotics.mesh.silhouettes import Gaps, Shape, gaps, shape_of, together
+from part2gs_robotics.mesh.surface import arrays, flaw
+from part2gs_robotics.model.arrays import F32, F64, I64
+from part2gs_robotics.model.se3 import apply
+from part2gs_robotics.model.solids import corners_of, hull_of
+from part2gs_robotics.render.mesh_depths import NEAR, draw_depths
+from part2gs_robotics.volume.part_maps import PartMaps
+from part2gs_robotics.volume.place import Place
+
+if TYPE_CHECKING:
+    from manifold3d import Manifold
+
+LONGEST = 16.0  # voxels of an edge: with 8 masks fit 0.1 % better and meshes have twice the faces
+ROUNDS = 4  # of moving and looking again; a fifth moves nothing that can be seen
+TURNS = 2  # rounds in which all photos are asked once: neighbouring photos say nearly the same
+STIFF = 0.3  # pull of neighbours, of that of a pixel of outline; 0.1 and 1 end as near the masks
+AROUND = 8  # neighbours of a vertex in space: both sides of a wall
+FAR = 2.0  # voxels at which the pull through space has halved
+KNOWN = 0.05  # pull to where a vertex was, likewise; 0.01 and 0.3 end as near the masks
+CLEAR = 2.0  # pixels at which a gap counts a quarter; with 1 legs three pixels too long stay so
+MOST_STEP = 1.0  # voxels that a vertex moves per round: outlines are looked for as near
+CLOSE = 1e-2  # of its residual at which a system is solved: the next round looks again anyway
+MOST_TRIES = 300  # of the solver; systems of 50,000 vertices took 60
+BLEND = 4  # nearest vertices whose way a corner of a convex piece goes
+
+
+@dataclass(frozen=True)
+class _Body:
+    """A part's shape as it was, its movement [V, 3] in voxels, and how neighbours hold it."""
+
+    first: Shape
+    moved: F64
+    ties: csr_matrix
+
+    def shape(self, voxel: float) -> Shape:
+        """Return it as it is now."""
+        return replace(self.first, vertices=self.first.vertices + voxel * self.moved)
+
+
+def to_outlines(surfaces: Sequence[Manifold], pieces: Sequence[Sequence[Manifold]], place: Place,
+                maps: Sequence[PartMaps], voxel: float) -> tuple[list[Manifold],
+                                                                 list[list[Manifold]]]:
+    """Return all surfaces, and the convex pieces of each, moved onto the outlines of the masks.
+
+    Args:
+        surfaces: closed, base first, in the world frame at state 0.
+        pieces: convex, per part: what it is the union of.
+        place: of the parts in both states.
+        maps: masks and cameras of both states.
+        voxel: size of the grid's cells, scene units.
+    """
+    shapes = [shape_of(*arrays(surface.refine_to_length(LONGEST * voxel)))
+              for surface in surfaces]
+    bodies = [_Body(shape, np.zeros_like(shape.vertices), _ties(shape, voxel))
+              for shape in shapes]
+    for turn in range(ROUNDS):
+        found = _looked(bodies, place, maps, voxel, turn % TURNS)
+        bodies = [body if own is None else replace(body, moved=_moved(body, own, voxel))
+                  for body, own in zip(bodies, found, strict=True)]
+    out, parts = [], []
+    for surface, own, body in zip(surfaces, pieces, bodies, strict=True):
+        moved = _surface(body.shape(voxel))
+        closed = flaw(moved) is None
+        out.append(moved if closed else surface)
+        parts.append(_pieces(own, body.first, voxel * body.moved) if closed else list(own))
+    return out, parts
+
+
+def _surface(shape: Shape) -> Manifold:
+    """Return the solid of a shape."""
+    import manifold3d
+
+    return manifold3d.Manifold(manifold3d.Mesh64(
+        np.ascontiguousarray(shape.vertices), np.ascontiguousarray(shape.faces, np.uint64)))
+
+
+def _pieces(pieces: Sequence[Manifold], shape: Shape, ways: F64) -> list[Manifold]:
+    """Return convex pieces of a part that went the way of the surface, and still cover it."""
+    from scipy.spatial import cKDTree
+
+    tree, near = cKDTree(shape.vertices), [*range(1, min(BLEND, len(shape.vertices)) + 1)]
+    corners = [corners_of(piece) for piece in pieces]
+    out = []
+    for own in corners:
+        distance, index = tree.query(own, k=near)
+        weight = 1.0 / np.maximum(distance, 1e-9)
+        way = np.einsum("vk,vkc->vc", weight, ways[index]) / weight.sum(1)[:, None]
+        out.append(own + way)
+    return [hull_of(own) for own in _covering(out, shape.vertices + ways)]
+
+
+def _covering(pieces: Sequence[F64], points: F64) -> list[F64]:
+    """Return corners [C, 3] of convex pieces, each with the points beyond all that are nearest."""
+    from scipy.spatial import ConvexHull, QhullError
+
+    beyond, nearest = np.full(len(points), np.inf), np.full(len(points), -1)
+    for i, corners in enumerate(pieces):
+        try:
+            planes = np.unique(ConvexHull(corners).equations, axis=0)
+        except QhullError:  # thinner than rounding
+            continue
+        far = (points @ planes[:, :3].T + planes[:, 3]).max(1)
+        nearer = far < beyond
+        beyond[nearer], nearest[nearer] = far[nearer], i
+    return [np.concatenate([corners, points[(nearest == i) & (beyond > 0)]])
+            for i, corners in enumerate(pieces)]
+
+
+def _ties(shape: Shape, voxel: float) -> csr_matrix:
+    """Return [V, V] how vertices pull at each other: along edges, and at those near in space."""
+    from scipy.spatial import cKDTree
+
+    count = len(shape.vertices)
+    distance, near = cKDTree(shape.vertices).query(shape.vertices, min(AROUND + 1, count))
+    pull = STIFF / (1.0 + (distance[:, 1:].ravel() / (FAR * voxel)) ** 2)
+    one = np.r_[shape.edges[:, 0], np.repeat(np.arange(count), near.shape[1] - 1)]
+    two = np.r_[shape.edges[:, 1], near[:, 1:].ravel()]
+    weight = np.r_[np.full(len(shape.edges), STIFF), pull]
+    rows, columns = np.r_[one, two, one, two], np.r_[one, two, two, one]
+    values = np.r_[weight, weight, -weight, -weight]
+    ties = coo_matrix((values, (rows, columns)), (count, count)) + KNOWN * identity(count)
+    return csr_matrix(ties)
+
+
+def _looked(bodies: Sequence[_Body], place: Place, maps: Sequence[PartMaps], voxel: float,
+            turn: int) -> list[Gaps | None]:
+    """Return per part the gaps between its silhouettes and the masks of some photos."""
+    found: list[list[Gaps]] = [[] for _ in bodies]
+    shapes = [body.shape(voxel) for body in bodies]
+    everything = np.concatenate([shape.vertices for shape in shapes])
+    size = float(np.linalg.norm(np.ptp(everything, axis=0)))
+    for s in (0, 1):
+        poses = [place.state1_from_0[k] if s else np.eye(4) for k in range(place.count)]
+        own, views = maps[s].maps, np.arange(len(maps[s].maps))[turn::TURNS]
+        first = _drawn(shapes, poses, own.Ks[views], own.viewmats[views],
+                       (own.depths.shape[1:], size))
+        for view, depth in zip(views, first, strict=True):
+            alpha = np.asarray(own.alphas[view], np.uint8)
+            for k, shape in enumerate(shapes):
+                found[k].append(gaps(shape, own.viewmats[view] @ poses[k], own.Ks[view], alpha,
+                                     depth, size))
+    joined = [together(own) for own in found]
+    return [own if len(own.pixels) else None for own in joined]
+
+
+def _drawn(shapes: Sequence[Shape], poses: Sequence[F64], Ks: F64, viewmats: F64,
+           frame: tuple[tuple[int, ...], float]) -> F32:
+    """Return [V, H, W] depth of all posed shapes; frame = (H, W) and size of the object."""
+    (sides, size), faces, first = frame, list[I64](), 0
+    for shape in shapes:
+        faces.append(shape.faces + first)
+        first += len(shape.vertices)
+    vertices = np.concatenate([apply(pose, shape.vertices)
+                               for pose, shape in zip(poses, shapes, strict=True)])
+    depths = np.full((len(Ks), *sides), np.inf, np.float32)
+    draw_depths(vertices.astype(np.float32), np.concatenate(faces), np.ascontiguousarray(Ks),
+                np.ascontiguousarray(viewmats), NEAR * size, depths)
+    return depths
+
+
+def _moved(body: _Body, found: Gaps, voxel: float) -> F64:
+    """Return [V, 3] the movement after one more step of Gauss-Newton, in voxels."""
+    from scipy.sparse.linalg import cg
+
+    count, rows = body.moved.size, np.arange(len(found.pixels))
+    slopes = voxel * found.shares[:, :, None] * found.slopes[:, None]  # [N, 2, 3]
+    columns = 3 * found.ends[:, :, None] + np.arange(3)
+    pull = coo_matrix((slopes.ravel(), (np.repeat(rows, 6), columns.ravel())),
+                      (len(rows), count)).tocsr()
+    weight = TURNS * found.lengths / (1.0 + (found.pixels / CLEAR) ** 2) ** 2
+    held = kron(body.ties, identity(3), "csr")
+    matrix = pull.T @ diags(weight) @ pull + held
+    right = pull.T @ (weight * found.pixels) - held @ body.moved.ravel()
+    step, _ = cg(matrix, right, rtol=CLOSE, maxiter=MOST_TRIES, M=diags(1 / matrix.diagonal()))
+    return body.moved + np.clip(step.reshape(-1, 3), -MOST_STEP, MOST_STEP)
