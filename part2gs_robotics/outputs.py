@@ -18,14 +18,20 @@ from part2gs_robotics.errors import StoreError
 from part2gs_robotics.model.gaussians import Gaussians
 from part2gs_robotics.model.motion import Motion
 from part2gs_robotics.model.scale import ASSUMED
-from part2gs_robotics.model.scene import Scene, StateViews
+from part2gs_robotics.model.scene import Scene
 from part2gs_robotics.model.scene_frame import SceneFrame, gaussians_in_scene
+from part2gs_robotics.model.se3 import inverse, inverses
+from part2gs_robotics.model.solids import bounds
 from part2gs_robotics.model.twin import Twin
 from part2gs_robotics.plan import Plan
+from part2gs_robotics.report.data import Picture
 from part2gs_robotics.report.report_json import ReportData, write_report
+from part2gs_robotics.report.scene_json import facing
 from part2gs_robotics.runtime.atomic import replace_files, write_text_atomic
 from part2gs_robotics.sim_checks.result import CheckReport, CheckResult
 from part2gs_robotics.stages import Fitted
+
+PICTURES = 3  # held-out photos of each state in the report: sides of the object
 
 
 @dataclass(frozen=True)
@@ -73,10 +79,10 @@ def write_outputs(folder: Path, out: Path, result: BuildResult) -> tuple[CheckRe
                                    "internal_frame": asdict(result.frame), **_counts(result)})
     write_text_atomic(folder / "config.yaml",
                       yaml.safe_dump(to_dict(result.config), sort_keys=False))
-    _write_gaussians(folder, result)
+    splats = _write_gaussians(folder, result)
     checked = check(folder, steps=result.config.check.sweep_values)
     report = with_failed(replace(checked, path=str(out)), result.motion)
-    write_report(folder, _told(result, report))
+    write_report(folder, _told(result, report, splats))
     return report, _summary(out, twin, report)
 
 
@@ -86,7 +92,7 @@ def with_failed(report: CheckReport, motion: Motion) -> CheckReport:
     return replace(report, results=(*report.results, *rows))
 
 
-def _told(result: BuildResult, report: CheckReport) -> ReportData:
+def _told(result: BuildResult, report: CheckReport, splats: tuple[Gaussians, ...]) -> ReportData:
     """Return what the report says."""
     scene = result.scene
     return ReportData(
@@ -94,9 +100,9 @@ def _told(result: BuildResult, report: CheckReport) -> ReportData:
         twin=result.twin, counts=_counts(result), stage_seconds=result.seconds,
         plan=result.plan.rows(),
         curves=tuple((f"state {index}", fit[1]) for index, fit in enumerate(result.fits)),
-        pictures=tuple(_picture(scene.states[index], fit[0], f"state {index}")
-                       for index, fit in enumerate(result.fits)),
-        checks=report.to_dict(), notes=report.notes)
+        pictures=tuple(_picture(result, index, view)
+                       for index, views in enumerate(_held_out(result)) for view in views),
+        splats=splats, checks=report.to_dict(), notes=report.notes)
 
 
 def _counts(result: BuildResult) -> dict[str, float]:
@@ -108,29 +114,52 @@ def _counts(result: BuildResult) -> dict[str, float]:
     return counts
 
 
-def _write_gaussians(folder: Path, result: BuildResult) -> None:
+def _write_gaussians(folder: Path, result: BuildResult) -> tuple[Gaussians, ...]:
     """Write the Gaussians of state 0, whole and per part: at q = 0 they lie on the meshes."""
     from part2gs_robotics.exporters.meshfile import write_gaussians_ply
 
     gaussians = gaussians_in_scene(result.fits[0][0], result.frame)
     labels = result.motion.labels(0)
+    shares = tuple(gaussians.select(labels == index) for index in range(len(result.twin.parts)))
     write_gaussians_ply(gaussians, folder / "gaussians.ply")
-    for index, part in enumerate(result.twin.parts):
-        write_gaussians_ply(gaussians.select(labels == index), folder / f"{part.name}.ply")
+    for part, share in zip(result.twin.parts, shares, strict=True):
+        write_gaussians_ply(share, folder / f"{part.name}.ply")
+    return shares
 
 
-def _picture(state: StateViews, gaussians: Gaussians,
-             name: str) -> tuple[str, NDArray[np.uint8], NDArray[np.uint8]]:
-    """Return (caption, photo, render) of a view that was never trained on, over white."""
+def _held_out(result: BuildResult) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Return the held-out views of both states to show.
+
+    Of state 1 the first is on the side of the object to which its parts move, of state 0 the one
+    that looks most like it; others follow in order.
+    """
+    middle, wanted = bounds((result.twin.parts[0].mesh,)).mean(0), facing(result.twin)
+    shown = []
+    for state in reversed(result.scene.states):
+        views = np.flatnonzero(state.held_out)
+        eyes = result.frame.points(inverses(state.viewmats[views])[:, :3, 3])
+        ways = (eyes - middle) / np.linalg.norm(eyes - middle, axis=1, keepdims=True)
+        first = int(np.argmax(ways @ wanted))
+        wanted = ways[first]
+        shown.append(np.roll(views, -first)[:: max(1, len(views) // PICTURES)][:PICTURES])
+    return shown[1], shown[0]
+
+
+def _picture(result: BuildResult, index: int, view: int) -> Picture:
+    """Return a view that was never trained on, photo and render over white."""
     from part2gs_robotics.fit.view_color import WHITE, drawn_over
 
-    view = int(np.flatnonzero(state.held_out)[0])
+    state = result.scene.states[index]
     alpha = state.alphas[view][..., None] / 255.0
     photo = state.images[view] * alpha + 255.0 * (1.0 - alpha)
-    rendered = drawn_over(gaussians, state, view, WHITE)
+    rendered = drawn_over(result.fits[index][0], state, view, WHITE)
     drawn = np.clip(rendered.color * 255.0, 0, 255)
-    return (f"{name}, held-out view {state.names[view]}", np.rint(photo).astype(np.uint8),
-            np.rint(drawn).astype(np.uint8))
+    pose = inverse(state.viewmats[view])
+    pose[:3, 3] = result.frame.points(pose[:3, 3])
+    return Picture(
+        f"state {index}, held-out view {state.names[view]}", index, np.rint(photo).astype(np.uint8),
+        np.rint(drawn).astype(np.uint8), pose,
+        2 * float(np.arctan(state.height / 2 / state.Ks[view, 1, 1])))
 
 
 def _summary(out: Path, twin: Twin, report: CheckReport) -> str:

@@ -8,9 +8,30 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from part2gs_robotics.model.arrays import F64
+from part2gs_robotics.model.gaussians import Gaussians
 from part2gs_robotics.model.twin import Twin
 
 STATUSES = ("pass", "warn", "fail", "skipped", "incomplete")
+
+
+@dataclass(frozen=True)
+class Picture:
+    """A photo that no fit has seen, beside its render.
+
+    Attributes:
+        caption: which photo it is.  state: 0 or 1.
+        photo, render: [H, W, 3 or 4] uint8.
+        world_from_camera: [4, 4] where it was taken, scene's frame, OpenCV axes; None = unknown.
+        fov: vertical field of view, rad.
+    """
+
+    caption: str
+    state: int
+    photo: NDArray[np.uint8]
+    render: NDArray[np.uint8]
+    world_from_camera: F64 | None = None
+    fov: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -24,7 +45,8 @@ class ReportData:
         stage_seconds: stage name -> wall seconds, in order.
         plan: (stage or term, used, reason) in order.
         curves: (label, ((seconds, held-out PSNR in dB), ...)).
-        pictures: (caption, photo, render), both [H, W, 3 or 4] uint8.
+        pictures: held-out photos; of each state, the first shows best what moves.
+        splats: Gaussians of state 0 of every part, scene's frame; empty = none to show.
         checks: result of the simulator checks as JSON-like values; every mapping in it that has a
             `status` (pass | warn | fail | skipped | incomplete) is one check, with optional
             `value`, `limit`, `unit` and `note`.
@@ -41,7 +63,8 @@ class ReportData:
     stage_seconds: Mapping[str, float] = field(default_factory=dict)
     plan: tuple[tuple[str, bool, str], ...] = ()
     curves: tuple[tuple[str, tuple[tuple[float, float], ...]], ...] = ()
-    pictures: tuple[tuple[str, NDArray[np.uint8], NDArray[np.uint8]], ...] = ()
+    pictures: tuple[Picture, ...] = ()
+    splats: tuple[Gaussians, ...] = ()
     checks: Mapping[str, object] = field(default_factory=dict)
     assumed: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
@@ -49,13 +72,14 @@ class ReportData:
 
 @dataclass(frozen=True)
 class CheckRow:
-    """One check: `name`, `status`, measured `value` against `limit`, `note`."""
+    """One check: `name`, `status`, measured `value` against `limit`, `note`, what mends it."""
 
     name: str
     status: str
     value: str = ""
     limit: str = ""
     note: str = ""
+    cause: str = ""
 
 
 def check_rows(checks: Mapping[str, object]) -> tuple[CheckRow, ...]:
@@ -98,6 +122,7 @@ def _check_row(entry: Mapping[str, object], path: tuple[str, ...]) -> CheckRow:
         value=_quantity(entry.get("value"), unit),
         limit=_quantity(entry.get("limit"), unit),
         note=str(entry.get("note") or entry.get("message") or ""),
+        cause=str(entry.get("cause") or ""),
     )
 
 

@@ -14,6 +14,7 @@ Place = Callable[[NDArray[np.float64]], NDArray[np.float64]]
 Curve = tuple[str, Sequence[tuple[float, float]]]
 
 MAX_PICTURE_PX = 400  # eight pictures of this size keep the report below about 2 MB
+JPEG = 92  # quality of pictures on parts: a third of PNG's bytes, no block seen at 4 texels a pixel
 _WIDTH, _HEIGHT = 640, 260  # px of a chart at its full size
 _LEFT, _RIGHT, _TOP, _BOTTOM = 46, 150, 12, 34  # px around it: numbers, curves' names, air, axis
 _COLOURS = ("var(--series-1)", "var(--series-2)", "var(--series-3)", "var(--series-4)")
@@ -29,6 +30,17 @@ def png_uri(image: NDArray[np.uint8]) -> str:
     bgr = image[..., [2, 1, 0, *range(3, image.shape[-1])]]
     data = cv2.imencode(".png", bgr, [cv2.IMWRITE_PNG_COMPRESSION, 9])[1].tobytes()
     return "data:image/png;base64," + base64.b64encode(data).decode()
+
+
+def jpeg_uri(image: NDArray[np.uint8], longest: int) -> str:
+    """Return a data URI of an image [H, W, 3], shrunk to at most so many pixels a side."""
+    import cv2
+
+    scale = min(1.0, longest / max(image.shape[:2]))
+    if scale < 1.0:
+        image = cv2.resize(image, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
+    data = cv2.imencode(".jpg", image[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, JPEG])[1].tobytes()
+    return "data:image/jpeg;base64," + base64.b64encode(data).decode()
 
 
 def curve_svg(curves: Sequence[Curve], x_label: str, y_label: str) -> str:

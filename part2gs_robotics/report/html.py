@@ -1,4 +1,4 @@
-"""The HTML page of a report: one file, no script, nothing loaded from outside."""
+"""The HTML page of a report: one file, its script inlined, nothing loaded from outside."""
 
 from __future__ import annotations
 
@@ -9,11 +9,13 @@ from html import escape
 from part2gs_robotics import __version__
 from part2gs_robotics.model.joint import Joint
 from part2gs_robotics.model.twin import Part
-from part2gs_robotics.report.data import CheckRow, ReportData, check_notes, check_rows
+from part2gs_robotics.report.data import CheckRow, Picture, ReportData, check_notes, check_rows
 from part2gs_robotics.report.figures import bars_html, curve_svg, png_uri
+from part2gs_robotics.report.first import photo_button, verdict_html, viewer_html
+from part2gs_robotics.report.scene_json import scene_json
+from part2gs_robotics.report.script import json_script, page_script, policy
 from part2gs_robotics.report.style import STYLE
 
-_POLICY = "default-src 'none'; img-src data:; style-src 'unsafe-inline'"
 _VERDICTS = {0: ("pass", "built, checks pass"), 1: ("fail", "built, checks fail")}  # by exit code
 _TALL = 14  # rows above which a list starts folded
 
@@ -22,7 +24,7 @@ def render_html(data: ReportData, assumed: Sequence[str], engines: Mapping[str, 
     """Return the whole page; every text of the input is escaped."""
     rows = check_rows(data.checks)
     sections = (
-        _section("Photos and twin", _pictures(data)),
+        _section("Photo against render", _pictures(data)),
         _section("Joints", _joints(data)),
         _section("Checks in MuJoCo and on the exact meshes", _checks(rows)),
         _section("Overlap along every joint", _sweeps(data.checks.get("curves"))),
@@ -35,18 +37,26 @@ def render_html(data: ReportData, assumed: Sequence[str], engines: Mapping[str, 
         _section("Notes", _bullets(_all_notes(data))),
         _section("Made with", _pairs({"part2gs-robotics": __version__, **engines})),
     )
-    title = escape(data.scene)
+    title, code = escape(data.scene), page_script()
     return (
         '<!doctype html>\n<html lang="en"><head><meta charset="utf-8">'
-        f'<meta http-equiv="Content-Security-Policy" content="{_POLICY}">'
+        f'<meta http-equiv="Content-Security-Policy" content="{policy(code)}">'
         '<meta name="viewport" content="width=device-width, initial-scale=1">'
         f"<title>{title}: twin report</title><style>{STYLE}</style></head><body><main>"
-        f"{_header(data, rows)}{''.join(sections)}</main></body></html>\n"
+        f"{_header(data, rows)}{viewer_html(data)}{_tiles(data, rows)}{''.join(sections)}</main>"
+        f"{json_script('twin', scene_json(data))}<script>{code}</script></body></html>\n"
     )
 
 
 def _header(data: ReportData, rows: Sequence[CheckRow]) -> str:
     status, verdict = _VERDICTS.get(data.exit_code, ("fail", f"exit code {data.exit_code}"))
+    return (
+        f'<header><h1>{escape(data.scene)}</h1>{_pill(status, verdict)}'
+        f"{verdict_html(data, rows)}</header>"
+    )
+
+
+def _tiles(data: ReportData, rows: Sequence[CheckRow]) -> str:
     moving = sum(p.joint is not None for p in data.twin.parts)
     passed = sum(r.status == "pass" for r in rows)
     tiles = {
@@ -60,9 +70,8 @@ def _header(data: ReportData, rows: Sequence[CheckRow]) -> str:
         for name, value in tiles.items()
     )
     return (
-        f'<header><h1>{escape(data.scene)}</h1>{_pill(status, verdict)}'
+        f'<div class="tiles">{cells}</div>'
         f'<p class="muted">Two observed states, read in the {escape(data.layout)} layout.</p>'
-        f'<div class="tiles">{cells}</div></header>'
     )
 
 
@@ -75,14 +84,22 @@ def _section(title: str, body: str) -> str:
 
 
 def _pictures(data: ReportData) -> str:
-    figures = (
-        f'<figure><div class="pair"><img alt="photo" src="{png_uri(photo)}">'
-        f'<img alt="render" src="{png_uri(render)}"></div>'
-        f"<figcaption>{escape(caption)}: photo, render</figcaption></figure>"
-        for caption, photo, render in data.pictures
+    body = "".join(_wipe(i, picture) for i, picture in enumerate(data.pictures))
+    hint = ('<p class="muted">Photos that no fit has seen, beside what the fitted Gaussians show '
+            "there. Move the line: photo to its left, render to its right.</p>")
+    return f'{hint}<div class="pictures">{body}</div>' if body else ""
+
+
+def _wipe(index: int, picture: Picture) -> str:
+    """Return a photo under its render, the render cut off at the slider that lies over both."""
+    caption = escape(picture.caption)
+    return (
+        f'<figure><div class="wipe"><img alt="photo" src="{png_uri(picture.photo)}">'
+        f'<img alt="render" class="over" src="{png_uri(picture.render)}">'
+        '<input type="range" min="0" max="100" value="50" '
+        f'aria-label="share of the photo shown, {caption}"></div>'
+        f"<figcaption>{caption} {photo_button(index, picture)}</figcaption></figure>"
     )
-    body = "".join(figures)
-    return f'<div class="pictures">{body}</div>' if body else ""
 
 
 def _joints(data: ReportData) -> str:
