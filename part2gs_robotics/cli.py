@@ -146,6 +146,17 @@ def _export(call: Call) -> int:
     return OK
 
 
+def _view(call: Call) -> int:
+    from part2gs_robotics.view.server import serve
+
+    def on_start(address: str) -> None:
+        sys.stdout.write(f"{address}: open it in a browser of this machine; Ctrl-C ends it\n")
+        sys.stdout.flush()
+
+    serve(Path(call.paths[0]), cast(int, call.flags.get("port", 8080)), on_start)
+    return OK
+
+
 def _scene(call: Call) -> int:
     from part2gs_robotics.photos.make_scene import Wishes, make_scene
     from part2gs_robotics.runtime.log import logging_to
@@ -194,4 +205,4 @@ def _inspect(call: Call) -> int:
 
 RUN: dict[str, Callable[[Call], int]] = {
     "build": _build, "check": _check, "explain": _explain, "export": _export, "capture": _capture,
-    "scene": _scene, "marker": _marker, "inspect": _inspect}
+    "view": _view, "scene": _scene, "marker": _marker, "inspect": _inspect}

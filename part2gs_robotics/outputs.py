@@ -16,6 +16,7 @@ from part2gs_robotics import __version__
 from part2gs_robotics.config import Config, to_dict
 from part2gs_robotics.errors import StoreError
 from part2gs_robotics.model.gaussians import Gaussians
+from part2gs_robotics.model.kinematics import facing
 from part2gs_robotics.model.motion import Motion
 from part2gs_robotics.model.scale import ASSUMED
 from part2gs_robotics.model.scene import Scene
@@ -26,7 +27,6 @@ from part2gs_robotics.model.twin import Twin
 from part2gs_robotics.plan import Plan
 from part2gs_robotics.report.data import Picture
 from part2gs_robotics.report.report_json import ReportData, write_report
-from part2gs_robotics.report.scene_json import facing
 from part2gs_robotics.runtime.atomic import replace_files, write_text_atomic
 from part2gs_robotics.sim_checks.result import CheckReport, CheckResult
 from part2gs_robotics.stages import Fitted

@@ -79,8 +79,12 @@ class Browser:
         """Load a file in a window of a size in CSS pixels and wait until it stands."""
         self.call("Emulation.setDeviceMetricsOverride", width=size[0], height=size[1],
                   deviceScaleFactor=2 if phone else 1, mobile=phone)
+        self.visit(path.resolve().as_uri())
+
+    def visit(self, address: str) -> None:
+        """Go to an address and wait until the page stands."""
         self.requests.clear()
-        self.call("Page.navigate", url=path.resolve().as_uri())
+        self.call("Page.navigate", url=address)
         self.wait("document.readyState === 'complete'")
 
     def run(self, expression: str) -> object:

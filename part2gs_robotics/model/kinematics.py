@@ -10,11 +10,14 @@ import numpy as np
 from part2gs_robotics.model.arrays import F64
 from part2gs_robotics.model.joint import Joint
 from part2gs_robotics.model.se3 import inverses
+from part2gs_robotics.model.solids import bounds
 from part2gs_robotics.model.twin import Part, Twin
 
 MOST_POSES = 160  # poses per sweep; more would step less than half a voxel at 192 voxels
 COARSE_POSES = 17  # of a path: enough to measure how long it is
 FEWEST_POSES = 21  # the simulator checks measure interpenetration at 21 joint values
+ABOVE = 0.4  # of the level way: 22 degrees, how a standing person sees a cupboard
+STEEP = 0.3  # of a way: what is less level than that, 17 degrees from upright, has no front
 REST = Joint("fixed", np.array([0.0, 0.0, 1.0]), np.zeros(3), 0.0)  # of a part without a joint
 
 
@@ -40,6 +43,34 @@ def part_transforms(twin: Twin, positions: Sequence[float]) -> list[F64]:
     parents = [max(part.parent, 0) for part in twin.parts[1:]]
     values = [at.get(i, 0.0) for i in range(1, len(twin.parts))]
     return [chain(i, joints, parents, values) for i in range(len(twin.parts))]
+
+
+def at_state_1(twin: Twin) -> list[F64]:
+    """Return [V, 3] places of every part's vertices in state 1."""
+    values = [joint.value for i in moving_parts(twin) if (joint := twin.parts[i].joint) is not None]
+    return [part.mesh.vertices @ move[:3, :3].T + move[:3, 3]
+            for part, move in zip(twin.parts, part_transforms(twin, values), strict=True)]
+
+
+def facing(twin: Twin) -> F64:
+    """Return [3] the direction from which to look: where parts have gone to, a little from above.
+
+    Straight where they went where that is up or down.
+    """
+    places = at_state_1(twin)
+    middle = bounds((twin.parts[0].mesh,)).mean(0)
+    gone = [(low + high) / 2 - middle
+            for low, high in ((place.min(0), place.max(0)) for place in places[1:])]
+    way, up = np.mean(gone, 0) if gone else np.ones(3), up_of(twin)
+    flat = way - (way @ up) * up
+    if np.linalg.norm(flat) > STEEP * np.linalg.norm(way):
+        way = flat / np.linalg.norm(flat) + ABOVE * up
+    return np.asarray(way / max(float(np.linalg.norm(way)), 1e-300))
+
+
+def up_of(twin: Twin) -> F64:
+    """Return [3] up as known, else as exporters assume it."""
+    return np.array([0.0, 0.0, 1.0]) if twin.up is None else twin.up
 
 
 def subtree(twin: Twin, index: int) -> tuple[int, ...]:

@@ -14,8 +14,7 @@ from numpy.typing import NDArray
 from part2gs_robotics.model.arrays import F64
 from part2gs_robotics.model.gaussians import Gaussians
 from part2gs_robotics.model.joint import Joint
-from part2gs_robotics.model.kinematics import moves, moving_parts, part_transforms
-from part2gs_robotics.model.solids import bounds
+from part2gs_robotics.model.kinematics import at_state_1, facing, moves, up_of
 from part2gs_robotics.model.twin import Part, PartMesh, Twin
 from part2gs_robotics.report.data import Picture, ReportData
 from part2gs_robotics.report.figures import jpeg_uri
@@ -36,7 +35,7 @@ def scene_json(data: ReportData) -> dict[str, object]:
     box = _both_states(twin)
     centre = box.mean(0)
     splats = _shares(data.splats)
-    up = twin.up if twin.up is not None else np.array([0.0, 0.0, 1.0])
+    up = up_of(twin)
     return {
         "name": twin.name, "centre": centre.tolist(), "up": up.tolist(),
         "size": float(np.linalg.norm(box[1] - box[0])),
@@ -47,32 +46,15 @@ def scene_json(data: ReportData) -> dict[str, object]:
     }
 
 
-def facing(twin: Twin) -> F64:
-    """Return [3] unit direction from the base to where its parts have gone in state 1."""
-    places = _at_state_1(twin)
-    middle = bounds((twin.parts[0].mesh,)).mean(0)
-    gone = [(low + high) / 2 - middle
-            for low, high in ((place.min(0), place.max(0)) for place in places[1:])]
-    way = np.mean(gone, 0) if gone else np.ones(3)
-    return np.asarray(way / max(float(np.linalg.norm(way)), 1e-300))
-
-
-def _at_state_1(twin: Twin) -> list[F64]:
-    """Return [V, 3] places of every part's vertices in state 1."""
-    values = [joint.value for i in moving_parts(twin) if (joint := twin.parts[i].joint) is not None]
-    return [part.mesh.vertices @ move[:3, :3].T + move[:3, 3]
-            for part, move in zip(twin.parts, part_transforms(twin, values), strict=True)]
-
-
 def _both_states(twin: Twin) -> F64:
     """Return [2, 3] the box around the twin in both states."""
-    every = np.concatenate([*(part.mesh.vertices for part in twin.parts), *_at_state_1(twin)])
+    every = np.concatenate([*(part.mesh.vertices for part in twin.parts), *at_state_1(twin)])
     return np.array([every.min(0), every.max(0)])
 
 
 def _lowest(twin: Twin, up: F64, centre: F64) -> float:
     """Return how far along `up` the lowest corner of both states lies."""
-    every = [*(part.mesh.vertices for part in twin.parts), *_at_state_1(twin)]
+    every = [*(part.mesh.vertices for part in twin.parts), *at_state_1(twin)]
     return min(float(((points - centre) @ up).min()) for points in every)
 
 

@@ -17,7 +17,7 @@ PRODUCT = "part2gs_robotics", "exporters", "sim_checks"
 WORKSHOP = "tests", "benchmarks"
 IMPORTED_AS = {  # where a package and its import differ by more than a dash
     "opencv-contrib-python-headless": "cv2", "pyyaml": "yaml", "scikit-image": "skimage",
-    "usd-core": "pxr",
+    "usd-core": "pxr", "pillow": "PIL",
 }  # fmt: skip
 WITHOUT_IMPORT = {
     "tbb": "runtime/jit.py opens its library by path: it holds nothing to import",
@@ -29,6 +29,7 @@ WITHOUT_IMPORT = {
     "cmeel-urdfdom": "benchmarks/judges.py runs its check_urdf",
     "simcheck": "benchmarks/judges.py runs its command",
     "pycolmap": "tests of photos run it through photos/register.py",
+    "pillow": "view/server.py hands pictures to viser with it",
     "setuptools": "setup.py and pip's builds without isolation import it",
 }
 
@@ -63,7 +64,7 @@ def imported(folders: tuple[str, ...]) -> dict[str, str]:
 
 
 @pytest.mark.parametrize(("kind", "folders"), [("run", PRODUCT), ("gpu", PRODUCT), ("usd", PRODUCT),
-                                               ("photos", PRODUCT),
+                                               ("photos", PRODUCT), ("view", PRODUCT),
                                                ("dev", WORKSHOP)])
 def test_what_is_declared_is_imported(kind: str, folders: tuple[str, ...]) -> None:
     used = imported(folders)
@@ -71,7 +72,8 @@ def test_what_is_declared_is_imported(kind: str, folders: tuple[str, ...]) -> No
     assert not idle - set(WITHOUT_IMPORT), "declared and never imported"
 
 
-@pytest.mark.parametrize(("kinds", "folders"), [(("run", "gpu", "usd", "photos"), PRODUCT),
+@pytest.mark.parametrize(("kinds", "folders"), [(("run", "gpu", "usd", "photos", "view"),
+                                                 PRODUCT),
                                                 (("run", "dev", "bench"), WORKSHOP)])
 def test_what_is_imported_is_declared(kinds: tuple[str, ...], folders: tuple[str, ...]) -> None:
     known = {import_name(name) for kind in kinds for name in requirements(kind)}
@@ -86,7 +88,7 @@ def test_exceptions_are_still_needed() -> None:
             assert import_name(name) not in imported(folders), f"{name} is imported after all"
 
 
-@pytest.mark.parametrize("kind", ["run", "dev", "gpu", "usd", "photos"])
+@pytest.mark.parametrize("kind", ["run", "dev", "gpu", "usd", "photos", "view"])
 def test_every_dependency_has_its_reason_beside_it(kind: str) -> None:
     lines = (ROOT / "pyproject.toml").read_text().splitlines()
     for requirement in requirements(kind).values():

@@ -26,7 +26,7 @@ MAY = {
     "exporters": "model runtime", "report": "model runtime",
     "agree": "exporters model runtime",
     "sim_checks": "agree collision exporters model runtime", "capture": "sim_checks model",
-    "photos": "readers model runtime",
+    "photos": "readers model runtime", "view": "exporters sim_checks model runtime",
 }  # fmt: skip
 ALONE = {  # from that room, these files alone
     ("fit", "evidence"): {"depth_maps", "surfels"},
@@ -37,6 +37,7 @@ ALONE = {  # from that room, these files alone
     ("sim_checks", "collision"): {"depth"},
     ("sim_checks", "agree"): {"__init__", "catalogue", "finding", "folder"},
     ("capture", "sim_checks"): {"model_files", "engine"},
+    ("view", "exporters"): {"read_twin"}, ("view", "sim_checks"): {"model_files"},
 }  # fmt: skip
 ORDER = {"build", "outputs", "articulate", "cli"}  # files that know rooms by their order
 MOST_FILES, MOST_LINES, MOST_FUNCTION, MOST_ARGUMENTS = 16, 300, 40, 6

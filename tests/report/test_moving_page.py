@@ -125,6 +125,9 @@ def test_nothing_was_asked_for_and_nothing_complained(browser: Browser) -> None:
 def test_something_is_drawn_and_it_moves(browser: Browser, tmp_path: Path) -> None:
     import cv2
 
+    browser.call("Emulation.setDeviceMetricsOverride", width=1280, height=900, deviceScaleFactor=1,
+                 mobile=False)
+    browser.run("scrollTo(0, 0)")
     shots = []
     for value in (0.0, 1.5):
         browser.run(f"twin.place(2, {value})")

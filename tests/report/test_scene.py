@@ -15,12 +15,12 @@ from scipy.spatial.transform import Rotation
 from synth import toy_cabinet_twin
 
 from part2gs_robotics.model.gaussians import Gaussians
-from part2gs_robotics.model.kinematics import moving_parts, part_transforms
+from part2gs_robotics.model.kinematics import facing, moving_parts, part_transforms
 from part2gs_robotics.model.twin import Texture, Twin
 from part2gs_robotics.report import script
 from part2gs_robotics.report.data import CheckRow, ReportData
 from part2gs_robotics.report.report_json import write_report
-from part2gs_robotics.report.scene_json import MOST_SPLATS, SOLID, facing, scene_json
+from part2gs_robotics.report.scene_json import MOST_SPLATS, SOLID, scene_json
 from part2gs_robotics.report.verdict import found, sure, to_do, wrong
 
 
