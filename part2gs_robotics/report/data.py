@@ -17,11 +17,16 @@ STATUSES = ("pass", "warn", "fail", "skipped", "incomplete")
 
 @dataclass(frozen=True)
 class Picture:
-    """A photo that no fit has seen, beside its render.
+    """A photo over white, and what the fits show from its camera.
 
     Attributes:
         caption: which photo it is.  state: 0 or 1.
-        photo, render: [H, W, 3 or 4] uint8.
+        photo: [H, W, 3 or 4] uint8.
+        render: [H, W, 3 or 4] uint8 its own state's Gaussians, of a photo that no fit has seen;
+            None = a photo to look at.
+        moved: [H, W, 4] uint8 the other state's Gaussians, moved by the joints, over white, and
+            what they cover.
+        mask: [H, W] bool where the photo shows the object.
         world_from_camera: [4, 4] where it was taken, scene's frame, OpenCV axes; None = unknown.
         fov: vertical field of view, rad.
     """
@@ -29,7 +34,9 @@ class Picture:
     caption: str
     state: int
     photo: NDArray[np.uint8]
-    render: NDArray[np.uint8]
+    render: NDArray[np.uint8] | None = None
+    moved: NDArray[np.uint8] | None = None
+    mask: NDArray[np.bool_] | None = None
     world_from_camera: F64 | None = None
     fov: float = 0.0
 
@@ -45,7 +52,7 @@ class ReportData:
         stage_seconds: stage name -> wall seconds, in order.
         plan: (stage or term, used, reason) in order.
         curves: (label, ((seconds, held-out PSNR in dB), ...)).
-        pictures: held-out photos; of each state, the first shows best what moves.
+        pictures: of each state first the photo that shows best what moves, then held-out ones.
         splats: Gaussians of state 0 of every part, scene's frame; empty = none to show.
         checks: result of the simulator checks as JSON-like values; every mapping in it that has a
             `status` (pass | warn | fail | skipped | incomplete) is one check, with optional

@@ -6,6 +6,9 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from html import escape
 
+import numpy as np
+from numpy.typing import NDArray
+
 from part2gs_robotics import __version__
 from part2gs_robotics.model.joint import Joint
 from part2gs_robotics.model.twin import Part
@@ -15,6 +18,7 @@ from part2gs_robotics.report.first import photo_button, verdict_html, viewer_htm
 from part2gs_robotics.report.scene_json import scene_json
 from part2gs_robotics.report.script import json_script, page_script, policy
 from part2gs_robotics.report.style import STYLE
+from part2gs_robotics.report.unexplained import unexplained
 
 _VERDICTS = {0: ("pass", "built, checks pass"), 1: ("fail", "built, checks fail")}  # by exit code
 _TALL = 14  # rows above which a list starts folded
@@ -25,6 +29,7 @@ def render_html(data: ReportData, assumed: Sequence[str], engines: Mapping[str, 
     rows = check_rows(data.checks)
     sections = (
         _section("Photo against render", _pictures(data)),
+        _section("What the joints do not explain", _unexplained(data)),
         _section("Joints", _joints(data)),
         _section("Checks in MuJoCo and on the exact meshes", _checks(rows)),
         _section("Overlap along every joint", _sweeps(data.checks.get("curves"))),
@@ -84,22 +89,39 @@ def _section(title: str, body: str) -> str:
 
 
 def _pictures(data: ReportData) -> str:
-    body = "".join(_wipe(i, picture) for i, picture in enumerate(data.pictures))
+    body = "".join(_wipe(i, picture, picture.render) for i, picture in enumerate(data.pictures)
+                   if picture.render is not None)
     hint = ('<p class="muted">Photos that no fit has seen, beside what the fitted Gaussians show '
             "there. Move the line: photo to its left, render to its right.</p>")
     return f'{hint}<div class="pictures">{body}</div>' if body else ""
 
 
-def _wipe(index: int, picture: Picture) -> str:
+def _wipe(index: int, picture: Picture, render: NDArray[np.uint8]) -> str:
     """Return a photo under its render, the render cut off at the slider that lies over both."""
     caption = escape(picture.caption)
     return (
         f'<figure><div class="wipe"><img alt="photo" src="{png_uri(picture.photo)}">'
-        f'<img alt="render" class="over" src="{png_uri(picture.render)}">'
+        f'<img alt="render" class="over" src="{png_uri(render)}">'
         '<input type="range" min="0" max="100" value="50" '
         f'aria-label="share of the photo shown, {caption}"></div>'
         f"<figcaption>{caption} {photo_button(index, picture)}</figcaption></figure>"
     )
+
+
+def _unexplained(data: ReportData) -> str:
+    body = ""
+    for index, picture in enumerate(data.pictures):
+        if (found := unexplained(picture)) is not None:
+            told = (f"{100 * found.differs:.1f} % differs, {100 * found.hidden:.1f} % was hidden "
+                    f"in state {1 - picture.state}")
+            body += (f'<figure><img class="marked" alt="{told}" src="{png_uri(found.image)}">'
+                     f"<figcaption>{escape(picture.caption)}: {told} "
+                     f"{photo_button(index, picture)}</figcaption></figure>")
+    hint = ('<p class="muted">Held-out photos, and what the other state\'s Gaussians show there '
+            'once the joints have moved them: <b class="differs">magenta</b> where they differ by '
+            'more than a tenth or show what is not there, <b class="hidden-then">blue</b> where '
+            "the other state saw nothing, such as the inside of a drawer.</p>")
+    return f'{hint}<div class="pictures">{body}</div>' if body else ""
 
 
 def _joints(data: ReportData) -> str:

@@ -7,13 +7,13 @@ STYLE = """
   --page: #f6f7f9; --card: #ffffff; --ink: #1b2230; --muted: #667085; --line: #e3e6ec;
   --good: #12733d; --good-bg: #ddf3e4; --bad: #a8201a; --bad-bg: #fbe3e1;
   --idle: #55606f; --idle-bg: #e9ecf1; --warn: #8a5a00; --warn-bg: #fbeecb;
-  --focus: #1f5fc4; --edge: #8a94a6; --stage: #eef1f5;
+  --focus: #1f5fc4; --edge: #8a94a6; --stage: #eef1f5; --differs: #c2185b; --hidden-then: #1e66d0;
   --series-1: #2463c5; --series-2: #c2571a; --series-3: #2c8a57; --series-4: #8247b5; }
 @media (prefers-color-scheme: dark) { :root {
   --page: #12151b; --card: #1b2029; --ink: #e8ebf0; --muted: #98a2b3; --line: #2d3441;
   --good: #7fdba3; --good-bg: #17392a; --bad: #ff9b94; --bad-bg: #48201e;
   --idle: #b3bdcb; --idle-bg: #2d3441; --warn: #f3ce7a; --warn-bg: #43340f;
-  --focus: #8ab6ff; --edge: #6b7688; --stage: #222936;
+  --focus: #8ab6ff; --edge: #6b7688; --stage: #222936; --differs: #ff7aa8; --hidden-then: #82b4ff;
   --series-1: #7fb0ff; --series-2: #ffab73; --series-3: #7fdba3; --series-4: #cfa4f5; } }
 * { box-sizing: border-box; }
 body { margin: 0; background: var(--page); color: var(--ink);
@@ -107,6 +107,9 @@ figure { margin: 0; }
 .js .wipe input { display: block; position: absolute; inset: 0; width: 100%; height: 100%;
   margin: 0; opacity: 0; cursor: ew-resize; touch-action: pan-y; }
 .wipe:focus-within { outline: 3px solid var(--focus); outline-offset: 2px; }
+.marked { display: block; width: 100%; border-radius: 8px; border: 1px solid var(--line); }
+.differs { color: var(--differs); }
+.hidden-then { color: var(--hidden-then); }
 figcaption { color: var(--muted); font-size: 13px; margin-top: 5px; }
 svg { display: block; width: 100%; max-width: 820px; height: auto; }
 .grid { stroke: var(--line); stroke-width: 1; }

@@ -180,6 +180,10 @@ def test_killed_build_continues_and_equals_an_uninterrupted_one(ball_scene: Path
     resumed = [e["stage"] for e in events if e.get("resumed")]
     assert resumed.count("fit_0") == 2
     assert resumed.count("articulate") == 1
+    (out / "report.html").unlink()
+    assert finish(start(ball_scene, out)) == code, "the same command writes the page again"
+    page = (out / "report.html").read_text()
+    assert page.count('class="wipe"') == page.count('class="marked"') > 1
 
 
 @pytest.mark.slow

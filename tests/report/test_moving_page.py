@@ -29,7 +29,8 @@ def page(folder: Path) -> Path:
     pose = np.eye(4)
     pose[:3, :3] = [[0, 0, -1], [1, 0, 0], [0, -1, 0]]  # looks along -x, z up
     pose[:3, 3] = (3.0, 0.3, 0.4)
-    pictures = tuple(Picture(f"state {s}", s, photo, photo, pose, 0.8) for s in (0, 1))
+    pictures = tuple(Picture(f"state {state}", state, photo, photo, world_from_camera=pose, fov=0.8)
+                     for state in (0, 1))
     write_report(folder, ReportData("cabinet", "artgs", 0, TWIN, pictures=pictures))
     return folder / "report.html"
 
