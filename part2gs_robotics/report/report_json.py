@@ -13,8 +13,9 @@ import yaml
 
 from part2gs_robotics import __version__
 from part2gs_robotics.model.twin import Part
-from part2gs_robotics.report.data import ReportData, assumed_numbers
+from part2gs_robotics.report.data import ReportData, assumed_numbers, check_rows
 from part2gs_robotics.report.html import render_html
+from part2gs_robotics.report.verdict import sentences
 from part2gs_robotics.runtime.store import write_text_atomic
 
 __all__ = ["ReportData", "engine_versions", "report_json", "write_report"]
@@ -44,6 +45,7 @@ def report_json(data: ReportData, assumed: tuple[str, ...]) -> dict[str, object]
     return {
         "version": __version__,
         "engines": engine_versions(),
+        "verdict": sentences(data, check_rows(data.checks)),
         "scene": {"name": data.scene, "layout": data.layout, **_plain_mapping(data.counts)},
         "stage_seconds": _plain(data.stage_seconds),
         "plan": [{"item": n, "used": used, "reason": why} for n, used, why in data.plan],

@@ -86,7 +86,8 @@ def to_do(data: ReportData, rows: Sequence[CheckRow]) -> str:
     if data.twin.meters_per_unit is None:
         return ("Build again with --known-length (metres of the longest side) or --scale; then "
                 "open scene.xml in MuJoCo.")
-    return "Open scene.xml in MuJoCo, or load twin.urdf."
+    return ("Open scene.xml in MuJoCo, load twin.urdf, or move it by hand with "
+            "`part2gs-robot view`.")
 
 
 def _kinds(movers: Sequence[Part]) -> str:

@@ -116,6 +116,31 @@ def test_the_page_fits_its_window_and_every_control_has_a_name(
     assert len(browser.run(columns)) == (1 if phone else 2)
 
 
+# Every text on the nearest painted background below it, by the formula of WCAG 2.
+CONTRAST = """(() => {
+  const rgb = css => css.match(/[0-9.]+/g).map(Number);
+  const bright = css => { const [r, g, b] = rgb(css).map(v => {
+    v /= 255; return v <= 0.04045 ? v / 12.92 : ((v + 0.055) / 1.055) ** 2.4; });
+    return 0.2126 * r + 0.7152 * g + 0.0722 * b; };
+  const below = item => { while (item) { const css = getComputedStyle(item).backgroundColor;
+    if (rgb(css)[3] !== 0) return css; item = item.parentElement; } return 'rgb(255, 255, 255)'; };
+  const out = [], walk = document.createTreeWalker(document.body, NodeFilter.SHOW_TEXT);
+  while (walk.nextNode()) { const item = walk.currentNode.parentElement;
+    if (!walk.currentNode.data.trim() || !item.getClientRects().length) continue;
+    const [low, high] = [getComputedStyle(item).color, below(item)].map(bright).sort((a, b) => a - b);
+    const ratio = (high + 0.05) / (low + 0.05);
+    if (ratio < 4.5) out.push([walk.currentNode.data.trim().slice(0, 40), ratio]); }
+  return out; })()"""
+
+
+@pytest.mark.parametrize("theme", ["dark", "light"])
+def test_every_text_stands_out_from_what_is_behind_it(browser: Browser, theme: str) -> None:
+    browser.call("Emulation.setEmulatedMedia",
+                 features=[{"name": "prefers-color-scheme", "value": theme}])
+    assert browser.run("document.body.innerText.length") > 500
+    assert browser.run(CONTRAST) == []
+
+
 def test_nothing_was_asked_for_and_nothing_complained(browser: Browser) -> None:
     asked = [url for url in browser.requests if not url.startswith("data:")]
     assert len(asked) == 1, "the page itself"

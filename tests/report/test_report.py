@@ -87,6 +87,7 @@ def test_json_holds_the_contract(tmp_path: Path) -> None:
     expected = {"version", "engines", "scene", "stage_seconds", "joints", "checks", "assumed"}
     assert expected <= set(content)
     assert content["exit_code"] == 1
+    assert content["verdict"]["Found"] == "1 moving part: part_1 turns by 90.0°."
     assert content["engines"]["mujoco"][0].isdigit()
     joint = content["joints"][0]
     assert joint["type"] == "revolute"
