@@ -127,7 +127,8 @@ CONTRAST = """(() => {
   const out = [], walk = document.createTreeWalker(document.body, NodeFilter.SHOW_TEXT);
   while (walk.nextNode()) { const item = walk.currentNode.parentElement;
     if (!walk.currentNode.data.trim() || !item.getClientRects().length) continue;
-    const [low, high] = [getComputedStyle(item).color, below(item)].map(bright).sort((a, b) => a - b);
+    const pair = [getComputedStyle(item).color, below(item)].map(bright);
+    const [low, high] = pair.sort((a, b) => a - b);
     const ratio = (high + 0.05) / (low + 0.05);
     if (ratio < 4.5) out.push([walk.currentNode.data.trim().slice(0, 40), ratio]); }
   return out; })()"""
