@@ -41,9 +41,11 @@ from part2gs_robotics.stages import (
     save_motion,
     save_textures,
 )
+from part2gs_robotics.view.training import Training, watched
 
 if TYPE_CHECKING:
     from part2gs_robotics.evidence.canonical import Canonical
+    from part2gs_robotics.view.training import Training
 
 T = TypeVar("T")
 COMPILE_WORTH_A_WORD = 0.5  # seconds: less is a kernel or two that this scene alone needs
@@ -88,7 +90,8 @@ def build(path: Path, config: Config) -> int:
             logger.info("%s", note)
         if cache_note:
             logger.warning("%s", cache_note)
-        return _Corridor(scene, config, store, time.monotonic() - began).run()
+        with watched(output.view) as training:
+            return _Corridor(scene, config, store, time.monotonic() - began, training).run()
 
 
 def output_folder(scene: Path, wanted: str | None) -> Path:
@@ -108,7 +111,9 @@ def output_folder(scene: Path, wanted: str | None) -> Path:
 class _Corridor:
     """One build: every room entered once, in order; in internal units up to the exporters."""
 
-    def __init__(self, scene: Scene, config: Config, store: Store, read_seconds: float) -> None:
+    def __init__(self, scene: Scene, config: Config, store: Store, read_seconds: float,
+                 training: Training | None = None) -> None:
+        self.training = training
         self.metres, self.frame = scene.meters_per_unit, frame_of(scene)
         self.scene, self.config, self.store = internal(scene, self.frame), config, store
         self.seconds: dict[str, float] = {}
@@ -156,8 +161,9 @@ class _Corridor:
         def compute() -> Fitted:
             from part2gs_robotics.fit.fit_state import fit_state
 
-            result = fit_state(state, None, fit, Progress(f"fit state {index}", "dB"),
-                               f"state {index}", stereo)
+            progress = Progress(f"fit state {index}", "dB")
+            told = self.training.beside(progress, f"state {index}") if self.training else progress
+            result = fit_state(state, None, fit, told, f"state {index}", stereo)
             return result.gaussians, tuple((t, db) for t, db, _ in result.curve)
 
         fitted = self._stage(f"0{index + 1}_fit_{index}", key, compute, save_fit, load_fit,

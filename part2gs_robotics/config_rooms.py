@@ -167,6 +167,8 @@ class OutputConfig:
     """output folder; default: SCENE_twin beside the scene"""
     preset: Preset = "standard"
     """draft: quick look, standard: full quality, high: slow and finest"""
+    view: bool = False
+    """show Gaussians in the browser while they train, on this machine alone (extra `view`)"""
     quiet: bool = False
     """only warnings and errors"""
     verbose: bool = False

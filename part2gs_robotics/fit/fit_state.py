@@ -34,7 +34,8 @@ from part2gs_robotics.runtime.buffers import Workspace
 from part2gs_robotics.runtime.finite import require_finite
 
 Floats = NDArray[np.floating]
-Progress = Callable[[int, int, float], None]  # step, steps, last held-out PSNR
+# step, steps, last held-out PSNR, and who returns the Gaussians so far
+Progress = Callable[[int, int, float, Callable[[], Gaussians]], None]
 
 
 @dataclass(frozen=True)
@@ -85,7 +86,7 @@ def fit_state(state: StateViews, init: Hull | Gaussians | None = None,
         if step in marks:
             curve.append((time.perf_counter() - start, run.held_out_psnr(), run.count))
         if progress is not None:
-            progress(step, config.steps, curve[-1][1])
+            progress(step, config.steps, curve[-1][1], run.gaussians)
     found = run.gaussians()
     if config.view_color:
         found = with_view_dependence(found, state, run.natural, config.alpha_weight, config.seed)

@@ -108,8 +108,9 @@ class Progress:
         self._last = time.monotonic()
         self._first: tuple[int, float] | None = None
 
-    def __call__(self, step: int, steps: int, number: float = float("nan")) -> None:
-        """Say how far the stage is, when it is time to say so again."""
+    def __call__(self, step: int, steps: int, number: float = float("nan"),
+                 so_far: object = None) -> None:
+        """Say how far the stage is, when it is time to again; `so_far` is for other listeners."""
         now = time.monotonic()
         on_terminal = self._stream.isatty()
         # The first step pays for start-up; the pace is that of the steps after it.

@@ -1,5 +1,5 @@
-"""A finished twin in the browser, moved by hand, with MuJoCo behind it.
+"""Twins and fits in the browser, on this machine alone.
 
-In: a twin folder. Out: a server on this machine alone, until it is interrupted.
-Call: `server.serve`.
+In: a twin folder, or the Gaussians of a fit. Out: a page, until it is interrupted or the fits end.
+Call: `server.serve`, `training.watched`.
 """

@@ -2,31 +2,27 @@
 
 from __future__ import annotations
 
-import io
 import math
 import time
 from collections.abc import Callable
-from contextlib import redirect_stdout
 from pathlib import Path
-from types import ModuleType
 from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from part2gs_robotics.errors import ConfigError
 from part2gs_robotics.model.arrays import F64
 from part2gs_robotics.model.kinematics import facing, up_of
 from part2gs_robotics.model.se3 import quat_from_rotation
 from part2gs_robotics.model.solids import bounds
 from part2gs_robotics.model.twin import PartMesh
+from part2gs_robotics.view.page import close_page, open_page
 from part2gs_robotics.view.simulation import Simulation
 
 if TYPE_CHECKING:
     import trimesh
     import viser
 
-HOST = "127.0.0.1"  # this machine alone: what is served has no password
 FRAME = 1 / 30  # s between pictures: as smooth as a browser without a GPU follows
 STEPS = 500  # of a slider's range
 SHOWN = ("photos' colours", "collision pieces")
@@ -71,18 +67,11 @@ class Viewer:
         Raises:
             ConfigError: viser is not installed.
         """
-        library = _viser()
         self.simulation = simulation
         box = bounds(tuple(part.mesh for part in simulation.twin.parts))
         self._centre, self._size = box.mean(0), float(np.linalg.norm(box[1] - box[0]))
-        with redirect_stdout(io.StringIO()):  # its banner, printed whatever `verbose` says
-            self._server: viser.ViserServer = library.ViserServer(
-                host=HOST, port=port, verbose=False)
-        # A page may ask viser for a public address; this machine alone is meant.
-        self._server.request_share_url = lambda verbose=True: None
-        self._server.gui.configure_theme(show_share_button=False, show_logo=False)
+        self._server, self.address = open_page(port)
         self._look()
-        self.address = f"http://{HOST}:{self._server.get_port()}"
         self._frames = [self._server.scene.add_frame(f"/{i}", show_axes=False)
                         for i in range(len(simulation.twin.parts))]
         self._meshes: dict[str, list[viser.MeshHandle | viser.GlbHandle]] = {
@@ -109,8 +98,7 @@ class Viewer:
 
     def close(self) -> None:
         """Stop the server."""
-        with redirect_stdout(io.StringIO()):
-            self._server.stop()
+        close_page(self._server)
 
     def _look(self) -> None:
         """Put new eyes where the parts come towards them, and a floor below the twin."""
@@ -221,16 +209,6 @@ class Viewer:
         touching = self.simulation.touching()
         lines += [f"**{t.one} touches {t.other}**, {t.depth:.2g} units deep" for t in touching]
         return "\n\n".join([*lines, "" if touching else "nothing touches"])
-
-
-def _viser() -> ModuleType:
-    try:
-        import viser
-    except ImportError:
-        raise ConfigError("viser is not installed, which shows a twin in the browser; run "
-                          "pip install 'part2gs-robotics[view]' (or pip install '.[view]' in a "
-                          "checkout).") from None
-    return viser
 
 
 def _tint(number: int) -> tuple[int, int, int]:
