@@ -246,9 +246,9 @@ def _table(head: Iterable[str], rows: Sequence[Sequence[str]]) -> str:
     """Return a table of cells that are already HTML."""
     if not rows:
         return ""
-    top = "".join(f"<th>{cell}</th>" for cell in head)
+    top = "".join(f'<th scope="col">{cell}</th>' for cell in head)
     body = "".join("<tr>" + "".join(f"<td>{c}</td>" for c in row) + "</tr>" for row in rows)
-    return f'<div class="scroll"><table><tr>{top}</tr>{body}</table></div>'
+    return f'<div class="scroll" tabindex="0"><table><tr>{top}</tr>{body}</table></div>'
 
 
 def _pill(kind: str, text: str) -> str:
