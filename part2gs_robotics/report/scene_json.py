@@ -21,7 +21,7 @@ from part2gs_robotics.report.figures import jpeg_uri
 
 MOST_SPLATS = 20_000  # of all parts; 19 bytes each: half a megabyte of text, smooth on a phone
 SOLID = 0.5  # opacity: discs are drawn solid, and what is clearer than not would hide what is there
-TEXTURE_PX = 2048  # longest side of a picture on a part: what every phone's WebGL takes
+TEXTURE_PX = 2048  # longest side of a picture on a part: what WebGL 2 promises of every phone
 
 
 def scene_json(data: ReportData) -> dict[str, object]:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from part2gs_robotics.report.data import Picture
 
-OFF = 0.1  # of the full range, mean of the channels: a turned face is lit that differently
+OFF = 0.1  # of the full range, mean of the channels: three times the error of a fit of 30 dB
 OPAQUE = 0.5  # alpha from which a pixel is taken as covered
 FADED = 0.35  # of a photo's contrast left below the marks, so that they are seen on any colour
 DIFFERS, HIDDEN = (216, 27, 96), (30, 120, 229)  # magenta and blue: told apart by every eye

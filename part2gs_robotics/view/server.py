@@ -23,8 +23,8 @@ if TYPE_CHECKING:
     import trimesh
     import viser
 
-FRAME = 1 / 30  # s between pictures: as smooth as a browser without a GPU follows
-STEPS = 500  # of a slider's range
+FRAME = 1 / 30  # s between pictures, as in video; a step of MuJoCo is a fifteenth of it
+STEPS = 500  # of a slider's range, which is drawn on fewer pixels
 SHOWN = ("photos' colours", "collision pieces")
 
 
