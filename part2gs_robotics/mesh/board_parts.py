@@ -17,6 +17,7 @@ from part2gs_robotics.evidence.edges import bundled, edge_families
 from part2gs_robotics.evidence.segments import segments_of
 from part2gs_robotics.mesh.make_room import all_apart, without_bits
 from part2gs_robotics.mesh.see_through import missed, unstopped
+from part2gs_robotics.mesh.shut import shut
 from part2gs_robotics.mesh.surface import arrays, closed_surface, flaw, vertices_apart
 from part2gs_robotics.mesh.to_outlines import to_outlines
 from part2gs_robotics.model.arrays import F32, F64, Mask
@@ -87,6 +88,7 @@ def board_surfaces(place: Place, evidence: Sequence[Fused], wholes: Sequence[Sol
     voxel = wholes[0].grid.voxel
     surfaces, pieces = to_outlines(surfaces, [board.pieces for board in boards], place, maps, voxel)
     apart = all_apart(surfaces, pieces, place, voxel)
+    apart = shut(apart, pieces, place, maps, voxel)
     return [_plain(surface, voxel) for surface in apart]
 
 

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from part2gs_robotics.collision.depth import depth
+from part2gs_robotics.collision.depth import FLAKE, depth
 from part2gs_robotics.model.arrays import F64, Mask
 from part2gs_robotics.model.kinematics import moving_parts, part_transforms, subtree
 from part2gs_robotics.model.solids import simpler, size_of, thickness, to_manifold
@@ -121,7 +121,7 @@ class _Sweep:
     def _touch(self, both: Manifold) -> bool:
         """Return whether an intersection is as thick, or as deep, as what touches."""
         return thickness(both) > CONTACT * self.size or (
-            both.volume() > 0 and depth(both) > DEEP * self.size)
+            both.volume() > 0 and depth(both, FLAKE * self.size) > DEEP * self.size)
 
     def _reach(self, index: int, start: float, sign: float, most: float) -> _Reach:
         """Return how far a joint goes from a state, up or down, at most so far."""

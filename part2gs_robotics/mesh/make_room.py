@@ -58,6 +58,21 @@ def all_apart(surfaces: Sequence[Manifold], pieces: Sequence[Sequence[Manifold]]
     return out
 
 
+def base_apart(base: Manifold, part: int, pieces: Sequence[Manifold], place: Place,
+               voxel: float) -> Manifold:
+    """Return the base without what one part sweeps on the way of its joint from 0 to its value.
+
+    Args:
+        base: closed.
+        part: number of the part; it hangs on the base.
+        pieces: convex: what the part is the union of.
+        place: joints, and the part that carries each.
+        voxel: size of the grid's cells, scene units.
+    """
+    always, along = _swept(part, 0, _fewer(pieces, voxel), place, voxel)
+    return _without(base, _Tools([*always, *along]).near(base, ()), 0, voxel)
+
+
 def _fewer(pieces: Sequence[Manifold], voxel: float) -> list[Manifold]:
     """Return convex pieces, those as one whose common hull is their union."""
     hulls = [hull(corners_of(piece), float(piece.volume())) for piece in pieces

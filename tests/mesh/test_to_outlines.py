@@ -102,7 +102,7 @@ def test_convex_pieces_still_cover_the_surface_that_moved() -> None:
 
 def test_slopes_are_how_gaps_change_as_the_part_moves(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(silhouettes, "BETWEEN", 1e6)  # one point per edge: its middle
-    Ks, viewmats = cameras(12, SIDE, np.zeros(3), 4.0)
+    Ks, viewmats = cameras(24, SIDE, np.zeros(3), 4.0)
     true, step = Manifold.cube([1.0, 0.6, 0.8], True), 0.004
     alphas = photographed([true], Ks, viewmats).maps.alphas
     first = drawn([true], Ks, viewmats, SIDE).astype(np.float32)
