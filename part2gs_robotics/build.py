@@ -136,7 +136,10 @@ class _Corridor:
         if self.config.texture.texture:
             parts = self._texture(gaussians, parts, key)
         plan = settle_plan(plan, gaussians, motion, parts, self.config.articulate.paper_mode)
-        name = re.sub(r"[^a-z0-9_]+", "_", self.scene.path.resolve().name.lower()).strip("_")
+        named = self.scene.path.resolve()
+        # a scene made of plain photos lies in the output folder, which says what it shows
+        named = self.store.out.resolve() if named.parent == self.store.out.resolve() else named
+        name = re.sub(r"[^a-z0-9_]+", "_", named.name.lower()).strip("_")
         twin = Twin(name or "twin", parts, self.scene.meters_per_unit, self.scene.up,
                     (*self.scene.notes, *motion.notes))
         twin = self._scaled(self._in_scene(self._separate(twin)))

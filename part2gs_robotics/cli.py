@@ -77,12 +77,17 @@ def _write_traceback() -> str:
 
 
 def _build(call: Call) -> int:
-    from part2gs_robotics.build import build
+    from part2gs_robotics.build import build, output_folder
+    from part2gs_robotics.commands.from_photos import scene_of_photos, settings_for
     from part2gs_robotics.readers.read_scene import read_scene_yaml
 
-    scene = Path(call.paths[0])
-    config = resolve(call.flags, read_scene_yaml(scene), str(scene / "scene.yaml"))
-    return build(scene, config)
+    scene, flags = Path(call.paths[0]), call.flags
+    if len(call.paths) == 2:  # plain photos, or videos
+        first, config = scene, resolve(flags)
+        out = output_folder(first, config.output.out)
+        scene = scene_of_photos((first, Path(call.paths[1])), out, config)
+        flags = settings_for(flags, read_scene_yaml(scene)) | {"out": str(out)}
+    return build(scene, resolve(flags, read_scene_yaml(scene), str(scene / "scene.yaml")))
 
 
 def _check(call: Call) -> int:
@@ -162,10 +167,9 @@ def _scene(call: Call) -> int:
     from part2gs_robotics.runtime.log import logging_to
 
     given = {key: option.default for key, option in command_options("scene").items()} | call.flags
-    length = given["known_length"]
-    wishes = Wishes(cast(int, given["side"]), cast(int, given["frames"]),
-                    None if length is None else float(cast(float, length)),
-                    float(cast(float, given["marker_size"])))
+    length = cast("float | None", given["known_length"])
+    wishes = Wishes(cast(int, given["side"]), cast(int, given["frames"]), length,
+                    cast(float, given["marker_size"]))
     out = Path(str(given["out"]))
     with logging_to(None, bool(given["quiet"]), bool(given["verbose"])):
         made = make_scene((Path(call.paths[0]), Path(call.paths[1])), out, wishes)

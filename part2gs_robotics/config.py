@@ -23,6 +23,7 @@ from part2gs_robotics.config_rooms import (
     Material,
     MeshConfig,
     OutputConfig,
+    PhotosConfig,
     ReadConfig,
     SearchConfig,
     StereoConfig,
@@ -33,8 +34,8 @@ from part2gs_robotics.model.materials import HEAVIEST, LIGHTEST, MATERIALS, dens
 
 __all__ = [
     "BOUNDS", "PRESETS", "ArticulateConfig", "CheckConfig", "Config", "FitConfig", "MeshConfig",
-    "Option", "OutputConfig", "ReadConfig", "SearchConfig", "StereoConfig", "TextureConfig",
-    "Value", "convert", "options", "resolve", "to_dict", "with_values",
+    "Option", "OutputConfig", "PhotosConfig", "ReadConfig", "SearchConfig", "StereoConfig",
+    "TextureConfig", "Value", "convert", "options", "resolve", "to_dict", "with_values",
 ]  # fmt: skip
 
 Value = bool | int | float | str | tuple[float, float, float] | tuple[str, ...] | None
@@ -44,6 +45,7 @@ Value = bool | int | float | str | tuple[float, float, float] | tuple[str, ...] 
 class Config:
     """Everything `build` can be told, one member per room."""
 
+    photos: PhotosConfig = field(default_factory=PhotosConfig)
     read: ReadConfig = field(default_factory=ReadConfig)
     fit: FitConfig = field(default_factory=FitConfig)
     stereo: StereoConfig = field(default_factory=StereoConfig)
@@ -68,6 +70,9 @@ PRESETS: dict[str, dict[str, Value]] = {  # standard is what the dataclasses say
 
 # smallest and largest value that can mean anything; outside it is a typing mistake
 BOUNDS: dict[str, tuple[float, float]] = {
+    # below 400 pixels features are too few; above 4096, 80 photos need more than 2 GB; fewer frames
+    # than `build` needs are none, and matching does 300 in some minutes
+    "side": (400, 4096), "frames": (20, 300), "marker_size": (1e-4, 10.0),
     "max_side": (32, 8192), "scale": (1e-9, 1e9), "known_length": (1e-9, 1e9),
     "steps": (1, 1_000_000),
     "half_steps": (0, 1_000_000), "start_gaussians": (100, 10_000_000),

@@ -32,6 +32,18 @@ class ReadConfig:
 
 
 @dataclass(frozen=True)
+class PhotosConfig:
+    """Plain photos, before there is a scene."""
+
+    side: int = 1024
+    """longest side of plain photos used, pixels"""
+    frames: int = 40
+    """frames taken from a video"""
+    marker_size: float = 0.06
+    """metres of a printed marker's black square, as measured"""
+
+
+@dataclass(frozen=True)
 class FitConfig:
     """Gaussians of each state."""
 

@@ -26,27 +26,30 @@ class Command:
         paths: names of the paths it takes.
         rooms: rooms of the configuration whose flags it uses.
         extra: further flags: name -> setting of its own.
+        instead: names of other paths it takes as well.
     """
 
     summary: str
     paths: tuple[str, ...]
     rooms: tuple[str, ...]
     extra: tuple[Option, ...] = ()
+    instead: tuple[str, ...] = ()
+
+    @property
+    def shown(self) -> str:
+        """The paths as help shows them."""
+        return " | ".join(" ".join(names) for names in (self.paths, self.instead) if names)
 
 
 def _capture(name: str, kind: type, default: Value, doc: str) -> Option:
     return Option(name, ("capture",), (kind,), default, doc)
 
 
-def _scene(name: str, kind: type, default: Value, doc: str) -> Option:
-    return Option(name, ("scene",), (kind,), default, doc)
-
-
 # What each command does, its paths, the rooms whose settings it takes, and flags of its own.
 COMMANDS = {
     "build": Command("two-state photos in, MuJoCo-checked twin out", ("SCENE",),
-                     ("read", "fit", "stereo", "search", "articulate", "mesh", "texture", "check",
-                      "output")),
+                     ("photos", "read", "fit", "stereo", "search", "articulate", "mesh", "texture",
+                      "check", "output"), instead=("PHOTOS_0", "PHOTOS_1")),
     "check": Command("the simulator checks alone, on a twin folder or MJCF file", ("PATH",),
                      ("check",), (Option("format", ("check",), (Told,), "text",
                                          "how to say it: for people, programs or CI"),)),
@@ -62,14 +65,10 @@ COMMANDS = {
                     (Option("port", ("view",), (int,), 8080,
                             "of the page on 127.0.0.1; the next free one where it is taken"),)),
     "scene": Command("plain photos or videos of two states in, a scene for build out",
-                     ("PHOTOS_0", "PHOTOS_1"), (),
+                     ("PHOTOS_0", "PHOTOS_1"), ("photos",),
                      (Option("out", ("scene",), (str,), "scene", "folder of the new scene"),
-                      _scene("side", int, 1024, "longest side of photos used, pixels"),
-                      _scene("frames", int, 40, "frames taken from a video"),
-                      _scene("known_length", float, None, "metres of the object's longest side, "
-                             "where no marker is seen"),
-                      _scene("marker_size", float, 0.06, "metres of a printed marker's black "
-                             "square, as measured"))),
+                      Option("known_length", ("scene",), (float,), None, "metres of the object's "
+                             "longest side, where no marker is seen"))),
     "marker": Command("write a sheet of markers to print: it gives photos their scale", (), (),
                       (Option("out", ("marker",), (str,), "sheet.pdf", "the new file"),)),
     "inspect": Command("say in seconds what a scene holds and what would make it better",
@@ -121,12 +120,12 @@ def parse(argv: Sequence[str]) -> Call:
         raise ConfigError(f"command line: no command ({' '.join(words)[:60] or 'empty'}). Expected "
                           f"one of {', '.join(COMMANDS)}; for example: part2gs-robot build scene/.")
     command, paths = words[0], tuple(words[1:])
-    available, wanted = command_options(command), COMMANDS[command].paths
+    available, wanted = command_options(command), COMMANDS[command]
     if unknown:
         _refuse_unknown(unknown[0], command, available)
-    if len(paths) != len(wanted):
+    if len(paths) not in {len(wanted.paths), len(wanted.instead or wanted.paths)}:
         raise ConfigError(f"command line: {command} got {len(paths)} paths. Expected "
-                          f"{' '.join(wanted)}; see part2gs-robot {command} --help.")
+                          f"{wanted.shown}; see part2gs-robot {command} --help.")
     return Call(command, paths, {key: convert(available[key], value, available[key].flag)
                                  for key, value in given.items()})
 
@@ -142,7 +141,7 @@ def command_options(name: str) -> dict[str, Option]:
 def _parser(name: str) -> _Parser:
     listing = "\n".join(f"  {key:7s} {' '.join(command.paths):17s}  {command.summary}"
                         for key, command in COMMANDS.items())
-    paths = " ".join(COMMANDS[name].paths) if name else "PATH..."
+    paths = COMMANDS[name].shown if name else "PATH..."
     parser = _Parser(
         prog="part2gs-robot", allow_abbrev=False,
         usage=f"part2gs-robot {name or 'COMMAND'} {paths} [flags in any order]",

@@ -23,6 +23,14 @@ BALLS = (  # (centre in state 0, centre in state 1, radius, colour)
 )
 
 
+# Settings of `build` for such a scene of 32 pixels: all stages run, in seconds and to no good twin.
+TINY = {"preset": "draft", "steps": 40, "half_steps": 10, "device": "cpu", "parts": 1,
+        "stereo": False, "texture": False, "resolution": 32, "hull_resolution": 32,
+        "start_gaussians": 1500, "max_gaussians": 2000, "patches": 4, "surfel_size": 0.04,
+        "proof_views": 4, "proof_side": 32, "align_views": 4, "align_side": 32, "sharp_side": 32,
+        "sweep_values": 3, "free_range": False, "flat_walls": False, "convex": False}
+
+
 def write_ball_scene(folder: Path, views: int = 24, side: int = 48,
                      layout: Layout = "artgs") -> Path:
     """Write a two-state scene of a fixed ball and a ball that turns by 90 degrees about z.
@@ -124,3 +132,11 @@ def ball_photo(world_from_camera: F64, side: int, state: int) -> NDArray[np.uint
         image[hit] = painted[hit].astype(np.uint8)
         nearest = np.where(hit, depth, nearest)
     return image
+
+
+def write_tiny_scene(folder: Path, parts: int = 1) -> Path:
+    """Write a scene that builds in seconds: 48 photos of 32 pixels and `TINY` in its scene.yaml."""
+    write_ball_scene(folder, side=32)
+    lines = [f"{key}: {json.dumps(value)}\n" for key, value in (TINY | {"parts": parts}).items()]
+    write_text_atomic(folder / "scene.yaml", "".join(lines))
+    return folder

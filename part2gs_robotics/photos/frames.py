@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from part2gs_robotics.errors import SceneError
-from part2gs_robotics.readers.image_files import image_size
+from part2gs_robotics.readers.exif import focal_35mm, focal_pixels
+from part2gs_robotics.readers.image_files import HEADER_BYTES, image_size
 
 U8 = NDArray[np.uint8]
 
@@ -30,11 +31,13 @@ class Photo:
         name: of its file, or of the video's frame; unique within a state.
         rgb: [H, W, 3] uint8.
         mask: [H, W] uint8 given with it, 255 = object; None when none was.
+        focal: pixels, as the phone wrote it; None where it did not.
     """
 
     name: str
     rgb: U8
     mask: U8 | None
+    focal: float | None = None
 
 
 def read_photos(source: Path, frames: int, side: int) -> list[Photo]:
@@ -93,7 +96,10 @@ def _photo(file: Path, side: int) -> Photo:
                          "(truncated or corrupt). Expected a complete photo; copy it again.")
     mask = _given_mask(file, data, (bgr.shape[1], bgr.shape[0]))
     small = None if mask is None else _within(mask, side)
-    return Photo(file.stem, _within(np.ascontiguousarray(bgr[..., ::-1]), side), small)
+    rgb = _within(np.ascontiguousarray(bgr[..., ::-1]), side)
+    film = focal_35mm(data[:HEADER_BYTES].tobytes())
+    focal = None if film is None else focal_pixels(film, (rgb.shape[1], rgb.shape[0]))
+    return Photo(file.stem, rgb, small, focal)
 
 
 def _given_mask(file: Path, data: U8, size: tuple[int, int]) -> U8 | None:

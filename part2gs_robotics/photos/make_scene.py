@@ -12,6 +12,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from part2gs_robotics.config import BOUNDS
 from part2gs_robotics.errors import ConfigError, SceneError
 from part2gs_robotics.photos.frames import FEWEST, Photo, read_photos
 from part2gs_robotics.photos.markers import MarkerScale, find_markers, marker_scale
@@ -24,11 +25,10 @@ from part2gs_robotics.readers.image_files import Undistorter
 
 log = logging.getLogger(__name__)
 
+SAME_FOCAL = 0.02  # relative: 26 mm are rounded to 2 %; a phone's next lens has half or double
+
 U8 = NDArray[np.uint8]
 Photos = tuple[list[Photo], list[Photo]]
-
-SIDES = (400, 4096)  # px: below, features are too few; above, 80 photos need more than 2 GB
-FRAMES = (20, 300)  # of a video: what `build` needs; what matching does in some minutes
 
 
 @dataclass(frozen=True)
@@ -111,11 +111,11 @@ def make_scene(sources: tuple[Path, Path], out: Path, wishes: Wishes | None = No
 
 
 def _check(wishes: Wishes) -> None:
-    for name, value, (low, high) in (("side", wishes.side, SIDES),
-                                     ("frames", wishes.frames, FRAMES)):
+    for name, value in (("side", wishes.side), ("frames", wishes.frames)):
+        low, high = BOUNDS[name]
         if not low <= value <= high:
-            raise ConfigError(f"scene: --{name} {value} is out of range. Expected {low} to "
-                              f"{high}; change --{name}.")
+            raise ConfigError(f"scene: --{name} {value} is out of range. Expected {low:g} to "
+                              f"{high:g}; change --{name}.")
     for name, length in (("known-length", wishes.known_length), ("marker-size", wishes.marker_m)):
         if length is not None and not 0 < length < np.inf:
             raise ConfigError(f"scene: --{name} {length}. Expected metres above 0; change "
@@ -156,7 +156,24 @@ def _registered(photos: Photos) -> Posed:
                 names[s].append(f"{photo.name}.png")
                 cv2.imwrite(str(Path(work) / str(s) / names[s][-1]), photo.rgb[..., ::-1],
                             [cv2.IMWRITE_PNG_COMPRESSION, 1])
-        return register(Path(work), names)
+        return register(Path(work), names, _focal(photos))
+
+
+def _focal(photos: Photos) -> float | None:
+    """Return the focal length that the phone wrote, pixels; None unless all photos agree on it."""
+    said = [photo.focal for state in photos for photo in state]
+    known = [focal for focal in said if focal is not None]
+    if not known:
+        return None
+    middle = float(np.median(known))
+    other = sum(focal is None or abs(focal / middle - 1) > SAME_FOCAL for focal in said)
+    if other:
+        log.warning("%d of %d photos say another focal length than %.0f pixels, or none: it is "
+                    "found from the photos alone; use one lens without zoom", other, len(said),
+                    middle)
+        return None
+    log.info("focal length %.0f pixels, as the phone wrote it, is where the search begins", middle)
+    return middle
 
 
 def _flattened(posed: Posed, used: Sequence[Sequence[Photo]],

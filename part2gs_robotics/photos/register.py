@@ -14,6 +14,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -32,12 +33,14 @@ LENS = "SIMPLE_RADIAL"  # one focal length and one distortion: all that 40 photo
 FEWEST_SHARE = 0.5  # of a state's photos: with fewer, half of the walk is missing
 
 
-def register(folder: Path, names: tuple[Sequence[str], Sequence[str]]) -> Posed:
+def register(folder: Path, names: tuple[Sequence[str], Sequence[str]],
+             focal: float | None = None) -> Posed:
     """Return cameras and points of both states in one frame.
 
     Args:
         folder: photos in `0/` and `1/`, all of one size; working files are written beside them.
         names: file names of state 0 and 1 in the order they were taken.
+        focal: pixels, where the search for it begins; None = COLMAP's guess.
 
     Raises:
         ConfigError: pycolmap is not installed.
@@ -46,7 +49,7 @@ def register(folder: Path, names: tuple[Sequence[str], Sequence[str]]) -> Posed:
     colmap = import_colmap()
     database = folder / "features.db"
     every = [f"{s}/{name}" for s in (0, 1) for name in names[s]]
-    _extract(colmap, database, folder, every)
+    _extract(colmap, database, folder, (every, focal))
     _match(colmap, database, folder, every)
     models = [_solve(colmap, database, folder, s, [f"{s}/{name}" for name in names[s]])
               for s in (0, 1)]
@@ -77,11 +80,16 @@ def import_colmap() -> Any:
     return pycolmap
 
 
-def _extract(colmap: Any, database: Path, folder: Path, every: list[str]) -> None:
+def _extract(colmap: Any, database: Path, folder: Path,
+             photos: tuple[list[str], float | None]) -> None:
+    every, focal = photos
     options = colmap.FeatureExtractionOptions()
     options.num_threads, options.sift.max_num_features = THREADS, FEATURES
     reader = colmap.ImageReaderOptions()
     reader.camera_model = LENS
+    if focal is not None:
+        height, width = cv2.imread(str(folder / every[0])).shape[:2]
+        reader.camera_params = f"{focal},{width / 2},{height / 2},0"
     colmap.extract_features(database, folder, image_names=every, reader_options=reader,
                             camera_mode=colmap.CameraMode.SINGLE, extraction_options=options)
 

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from part2gs_robotics.errors import SceneError
+from part2gs_robotics.readers.lenses import Lens
 
 MAX_SIDE = 8192  # largest side of a phone photo today is about 8,000 px
 MAX_PIXELS = 40_000_000  # 40 MP RGBA is 160 MB decoded: the most one image may cost
@@ -146,17 +147,33 @@ def resize_nearest(depth: NDArray[np.uint16], size: tuple[int, int]) -> NDArray[
 
 
 class Undistorter:
-    """Maps of one lens: OPENCV distortion to a pinhole camera without invalid pixels."""
+    """Maps of one lens to a pinhole camera without invalid pixels."""
 
     def __init__(self, K: NDArray[np.float64], distortion: tuple[float, ...],
-                 size: tuple[int, int]) -> None:
+                 size: tuple[int, int], model: str | None = None) -> None:
         """Build the maps once.
 
         Args:
             K: [3, 3] pixels, pixel centres at +0.5.
-            distortion: k1, k2, p1, p2, k3 in OpenCV's order.
+            distortion: k1, k2, p1, p2, k3 in OpenCV's order, or those of the model.
             size: (width, height).
+            model: a lens of COLMAP; None = OpenCV's.
+
+        Raises:
+            SceneError: no pinhole photo fits into what the lens shows.
         """
+        if model is not None:
+            lens = Lens(K, model, distortion)
+            fitting = lens.fitting(size)
+            if fitting is None:
+                raise SceneError(f"camera model {model} with parameters {distortion}: no pinhole "
+                                 "photo fits into it. Expected a lens of less than half a circle "
+                                 "that does not fold; calibrate it again, or undistort the photos "
+                                 "with COLMAP's image_undistorter.")
+            self.K = fitting
+            column, row = lens.maps(fitting, size)
+            self._maps = column.astype(np.float32), row.astype(np.float32)
+            return
         shift = np.zeros((3, 3))
         shift[:2, 2] = 0.5  # OpenCV counts from pixel centres at integers
         coefficients = np.array(distortion)

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import cast
+from typing import NoReturn, cast
 
 import numpy as np
 
@@ -37,10 +37,12 @@ class PosedImage:
         path: image inside the scene, symlinks resolved.
         size: (width, height) from the image header.
         K: [3, 3] pixels, pixel centres at +0.5.
-        distortion: k1, k2, p1, p2, k3 in OpenCV's order; None for a pinhole camera.
+        distortion: k1, k2, p1, p2, k3 in OpenCV's order, or the parameters of `lens`; None for a
+            pinhole camera.
         camera_from_world: [4, 4], OpenCV axes.
         time: state the frame says it shows, None when it does not say.
         mask, depth: files inside the scene; depth_unit: scene units per count.
+        lens: COLMAP's model the distortion belongs to, None for OpenCV's.
     """
 
     name: str
@@ -53,6 +55,7 @@ class PosedImage:
     mask: Path | None = None
     depth: Path | None = None
     depth_unit: float = DEPTH_UNIT
+    lens: str | None = None
 
 
 def read_json(path: Path) -> Json:
@@ -106,12 +109,21 @@ def read_transforms(path: Path, root: Path, allow_missing: bool) -> list[PosedIm
         else:
             images.append(_posed(frame, content, image, path, root, where))
     if missing and not allow_missing:
-        raise SceneError(
-            f"{path}: {len(missing)} of {len(frames)} frames have no camera or no image file "
-            f"({', '.join(missing[:3])}{', ...' if len(missing) > 3 else ''}). Expected "
-            "transform_matrix and an existing file_path in every frame; export them again or "
-            "go on without these frames with --allow-missing.")
+        refuse_missing(path, missing, len(frames))
     return sorted(images, key=lambda image: image.name)
+
+
+def refuse_missing(path: Path, missing: Sequence[str], total: int) -> NoReturn:
+    """Refuse a camera file some of whose frames lack camera or image.
+
+    Raises:
+        SceneError: always.
+    """
+    raise SceneError(
+        f"{path}: {len(missing)} of {total} frames have no camera or no image file "
+        f"({', '.join(missing[:3])}{', ...' if len(missing) > 3 else ''}). Expected a pose and an "
+        "existing image for every frame; export them again or go on without these frames with "
+        "--allow-missing.")
 
 
 def inside(root: Path, base: Path, relative: object, where: str) -> Path:
@@ -162,7 +174,7 @@ def _posed(frame: Json, shared: Json, image: Path, path: Path, root: Path,
     if time not in (None, 0, 1):
         raise SceneError(f"{where}: time is {str(time)[:40]!r}. Expected 0 or 1, the state this "
                          "photo shows; keep two states.")
-    return PosedImage(str(frame["file_path"]), image, size, _intrinsics(entries, size, where),
+    return PosedImage(str(frame["file_path"]), image, size, intrinsics(entries, size, where),
                       _distortion(entries, where), camera_from_world(frame, where),
                       None if time is None else int(cast(int, time)), depth_unit=unit, **extra)
 
@@ -185,11 +197,12 @@ def number(entries: Json, key: str, where: str, default: float) -> float:
     return result
 
 
-def _intrinsics(entries: Json, size: tuple[int, int], where: str) -> F64:
+def intrinsics(entries: Json, size: tuple[int, int], where: str) -> F64:
+    """Return K [3, 3] in pixels from fl_x, fl_y, cx, cy, w, h or fields of view; or raise."""
     width, height = size
-    stated = (number(entries, "w", where, width), number(entries, "h", where, height))
+    stated = number(entries, "w", where, width), number(entries, "h", where, height)
     if stated != (width, height):
-        raise SceneError(f"{where}: json says {stated[0]:g} x {stated[1]:g} pixels, the image is "
+        raise SceneError(f"{where}: camera says {stated[0]:g} x {stated[1]:g} pixels, the image is "
                          f"{width} x {height}. Expected equal sizes; use the images the cameras "
                          "were made for (no images_4 folder), --max-side downscales them.")
     if "fl_x" in entries:
@@ -243,25 +256,39 @@ def camera_from_world(frame: Json, where: str) -> F64:
     Raises:
         SceneError: wrong shape, not finite, singular, scaled or mirrored.
     """
+    return from_opengl(frame["transform_matrix"], "transform_matrix", where)
+
+
+def from_opengl(numbers: object, name: str, where: str) -> F64:
+    """Return [4, 4] camera_from_world of a 4 x 4 camera-to-world matrix with OpenGL axes.
+
+    Args:
+        numbers: nested lists.
+        name: what messages call them.
+        where: their place.
+
+    Raises:
+        SceneError: as `camera_from_world`.
+    """
     try:
-        matrix = np.array(frame["transform_matrix"], float)
+        matrix = np.array(numbers, float)
     except (TypeError, ValueError, OverflowError):
         matrix = np.zeros(0)
     if matrix.shape != (4, 4):
-        raise SceneError(f"{where}: transform_matrix has shape {matrix.shape}. Expected 4 x 4 "
+        raise SceneError(f"{where}: {name} has shape {matrix.shape}. Expected 4 x 4 "
                          "numbers, camera to world; export the cameras again.")
     if not (np.abs(matrix) < MAX_COORDINATE).all():  # false for NaN, too
-        raise SceneError(f"{where}: transform_matrix holds NaN, infinity or a number beyond "
+        raise SceneError(f"{where}: {name} holds NaN, infinity or a number beyond "
                          f"{MAX_COORDINATE:g}. Expected finite numbers; drop the frame or export "
                          "the cameras again.")
     rot = matrix[:3, :3]
     error = float(np.abs(rot.T @ rot - np.eye(3)).max())
     if error > ROTATION_TOLERANCE or np.linalg.det(rot) < 0:
-        raise SceneError(f"{where}: transform_matrix is not a rotation (off by {error:.3g}, "
+        raise SceneError(f"{where}: {name} is not a rotation (off by {error:.3g}, "
                          f"determinant {np.linalg.det(rot):.3g}). Expected orthonormal columns and "
                          "determinant 1; remove scale or mirroring from the poses.")
     if np.abs(matrix[3] - [0, 0, 0, 1]).max() > ROTATION_TOLERANCE:
-        raise SceneError(f"{where}: last row of transform_matrix is {matrix[3].tolist()}. Expected "
+        raise SceneError(f"{where}: last row of {name} is {matrix[3].tolist()}. Expected "
                          "0 0 0 1; export the cameras again.")
     left, _, right = np.linalg.svd(rot)  # nearest rotation: rounding must not scale the scene
     axes = (left @ right) * np.array([1.0, -1.0, -1.0])  # OpenGL to OpenCV: y and z turn round

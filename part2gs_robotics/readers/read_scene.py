@@ -17,27 +17,22 @@ from part2gs_robotics.errors import ConfigError, SceneError
 from part2gs_robotics.model.scene import Scene, StateViews
 from part2gs_robotics.readers import image_files as images
 from part2gs_robotics.readers import validate
-from part2gs_robotics.readers.artgs import is_artgs, read_artgs
-from part2gs_robotics.readers.nerfstudio import PosedImage, read_transforms
+from part2gs_robotics.readers.layouts import States, read_layout
+from part2gs_robotics.readers.nerfstudio import PosedImage
 from part2gs_robotics.readers.validate_depth import check_depth
 from part2gs_robotics.readers.wrong_masks import without_wrong_masks
 from part2gs_robotics.runtime.threads import in_threads
 
-STATE_FOLDERS = (("state_0", "state_1"), ("start", "end"))
-JSON_NAMES = ("transforms.json", "transforms_train.json")
 HELD_OUT_EVERY = 8  # 64 views leave 8 unseen: enough for a PSNR, few enough not to be missed
 MAX_YAML_BYTES = 1 << 16  # scene.yaml holds a few settings
 MAX_SCENE_BYTES = 2 << 30  # half of the memory a build may use
-
-States = tuple[list[PosedImage], list[PosedImage]]
 
 
 def read_scene(path: Path, config: ReadConfig) -> Scene:
     """Return both states of the scene folder, validated.
 
     Args:
-        path: scene folder in the ArtGS layout, with one transforms.json per state, or with one
-            transforms.json whose frames say time 0 or 1.
+        path: scene folder in one of the layouts of `layouts.py`.
         config: what may be changed or assumed.
 
     Raises:
@@ -70,11 +65,11 @@ def read_cameras(path: Path, config: ReadConfig) -> tuple[str, States]:
         found = "a file" if path.exists() else "missing"
         raise SceneError(f"{path}: is {found}. Expected a scene folder with two observed states; "
                          "see docs/scene.md for the layouts.")
-    layout, posed = _read_layout(path, config)
+    layout, posed = read_layout(path, config)
     for index, state in enumerate(posed):
         validate.check_counts(state, f"{path}: state {index}")
         if not config.allow_missing:
-            validate.check_all_posed(state, f"{path}: state {index}")
+            validate.check_all_posed(state, (*posed[0], *posed[1]), f"{path}: state {index}")
     return layout, posed
 
 
@@ -105,45 +100,6 @@ def read_scene_yaml(path: Path) -> dict[object, object]:
         raise ConfigError(f"{file}: holds a {type(content).__name__}. Expected a mapping such as "
                           "'parts: 2'; correct the file.")
     return cast("dict[object, object]", content or {})
-
-
-def _read_layout(path: Path, config: ReadConfig) -> tuple[str, States]:
-    if is_artgs(path):
-        return "artgs", read_artgs(path, config.allow_missing, config.depth)
-    for names in STATE_FOLDERS:
-        jsons = [_state_json(path / name) for name in names]
-        if any(jsons):
-            for name, json_file in zip(names, jsons, strict=True):
-                if json_file is None:
-                    raise SceneError(f"{path}: no {name}/{JSON_NAMES[0]}, one state is missing. "
-                                     f"Expected both {names[0]} and {names[1]} with cameras; "
-                                     "capture the object in a second state.")
-            first, second = (read_transforms(cast(Path, file), path, config.allow_missing)
-                             for file in jsons)
-            return "nerfstudio", (first, second)
-    single = _state_json(path)
-    if single is not None:
-        return "single", _split_by_time(read_transforms(single, path, config.allow_missing), single)
-    found = sorted(item.name for item in path.iterdir() if not item.name.startswith("."))[:8]
-    raise SceneError(
-        f"{path}: no cameras found (it holds {', '.join(found) or 'nothing'}). Expected one of "
-        "transforms_train_start.json with transforms_train_end.json, state_0/transforms.json with "
-        "state_1/transforms.json, start/ with end/transforms.json, or one transforms.json with "
-        "time 0 and 1; see docs/scene.md.")
-
-
-def _state_json(folder: Path) -> Path | None:
-    return next((folder / name for name in JSON_NAMES if (folder / name).is_file()), None)
-
-
-def _split_by_time(posed: Sequence[PosedImage], where: Path) -> States:
-    unclear = [image.name for image in posed if image.time is None]
-    states = tuple([image for image in posed if image.time == time] for time in (0, 1))
-    if unclear or not all(states):
-        raise SceneError(f"{where}: {len(states[0])} frames of state 0, {len(states[1])} of state "
-                         f"1, {len(unclear)} without time. Expected 'time': 0 or 1 in every frame "
-                         "and both states; add it, or use folders state_0 and state_1.")
-    return cast(States, states)
 
 
 def _load_state(posed: Sequence[PosedImage], config: ReadConfig) -> StateViews:
@@ -179,8 +135,9 @@ def _lenses(posed: Sequence[PosedImage]) -> list[images.Undistorter | None]:
             lenses.append(None)
             continue
         key = image.K.tobytes() + np.array((*image.distortion, *image.size)).tobytes()
+        key += (image.lens or "").encode()
         if key not in found:  # maps of a 12-megapixel photo take a tenth of a second
-            found[key] = images.Undistorter(image.K, image.distortion, image.size)
+            found[key] = images.Undistorter(image.K, image.distortion, image.size, image.lens)
         lenses.append(found[key])
     return lenses
 

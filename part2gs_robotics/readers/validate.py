@@ -50,9 +50,18 @@ def check_counts(posed: Sequence[PosedImage], where: str) -> None:
                              "size per state; export all photos at one size.")
 
 
-def check_all_posed(posed: Sequence[PosedImage], where: str) -> None:
-    """Refuse images that lie beside the posed ones but have no camera."""
-    used = {path for image in posed for path in (image.path, image.mask, image.depth)}
+def check_all_posed(posed: Sequence[PosedImage], every: Sequence[PosedImage], where: str) -> None:
+    """Refuse images that lie beside the posed ones but have no camera.
+
+    Args:
+        posed: images of one state.
+        every: images of both, which may lie in one folder.
+        where: names the state.
+
+    Raises:
+        SceneError: there are some.
+    """
+    used = {path for image in every for path in (image.path, image.mask, image.depth)}
     suffixes = {image.path.suffix for image in posed}
     beside = {item for folder in {image.path.parent for image in posed} for item in folder.iterdir()
               if item.suffix in suffixes and not item.name.startswith(".")}

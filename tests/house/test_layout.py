@@ -27,6 +27,7 @@ MAY = {
     "agree": "exporters model runtime",
     "sim_checks": "agree collision exporters model runtime", "capture": "sim_checks model",
     "photos": "readers model runtime", "view": "exporters sim_checks model runtime",
+    "commands": "photos readers model runtime",
 }  # fmt: skip
 ALONE = {  # from that room, these files alone
     ("fit", "evidence"): {"depth_maps", "surfels"},

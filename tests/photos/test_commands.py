@@ -16,7 +16,7 @@ def test_marker_writes_the_sheet_and_says_how_to_print_it(tmp_path, capsys):
 @pytest.mark.parametrize(("words", "text"), [
     (["marker", "-o", "a.txt"], "ends in .pdf"),
     (["scene", "nothing"], "got 1 paths"),
-    (["scene", "a", "b", "--side", "9"], "out of range"),
+    (["scene", "a", "b", "--side", "9"], "Expected a whole number from 400 to 4096"),
     (["scene", "a", "b", "--views", "9"], "does not use --views"),
     (["inspect", "nothing"], "Expected a scene folder"),
 ])  # fmt: skip

@@ -60,7 +60,7 @@ def registered(monkeypatch):
     move[:3, :3] = cv2.Rodrigues(np.array([0.7, -0.2, 1.9]))[0]
     move[:3, 3] = [3, -1, 2]
 
-    def true_cameras(folder, names):
+    def true_cameras(folder, names, focal):
         return known((tuple(names[0]), tuple(names[1])), shots()[2]).moved(0.2, move)
 
     monkeypatch.setattr(maker, "register", true_cameras)

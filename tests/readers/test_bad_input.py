@@ -190,7 +190,7 @@ CASES: dict[str, tuple[Break, tuple[str, ...]]] = {
     "fourth radial coefficient": (edit_frame(k4=0.1), ("frame 3", "not supported")),
     "time of a third state": (edit_frame(time=2), ("frame 3", "time is '2'")),
     "other image size in json": (edit(lambda c: c.update(w=96, h=96)),
-                                 ("json says 96 x 96", "48 x 48")),
+                                 ("camera says 96 x 96", "48 x 48")),
     # poses
     "NaN pose": (edit_pose(lambda m: m.__setitem__((0, 3), np.nan)), ("frame 3", "NaN")),
     "infinite pose": (edit_pose(lambda m: m.__setitem__((0, 3), np.inf)), ("infinity",)),
@@ -256,7 +256,8 @@ CASES: dict[str, tuple[Break, tuple[str, ...]]] = {
     "--device gpu": (arguments("--device", "gpu"), ("--device is 'gpu'", "auto, cpu, cuda")),
     "unknown flag": (arguments("--partz", "2"), ("unknown flag --partz", "--parts")),
     "flag without value": (arguments("--parts"), ("--parts", "expected one argument")),
-    "two scenes": (arguments("another"), ("got 2 paths",)),
+    "three scenes": (arguments("a", "b"), ("got 3 paths", "SCENE | PHOTOS_0 PHOTOS_1")),
+    "photos that are not there": (arguments("another"), ("another: is missing", "video")),
 }
 
 
