@@ -150,7 +150,9 @@ class _Corridor:
             report, summary = write_outputs(folder, self.store.out, result)
         self._done("export and check", time.monotonic() - began,
                    "checks pass" if report.ok else "checks FAIL")
-        if not self.config.output.quiet:
+        if self.config.output.json:
+            sys.stdout.write((self.store.out / "report.json").read_text("utf-8"))
+        elif not self.config.output.quiet:
             sys.stdout.write(summary)
         return report.exit_code
 

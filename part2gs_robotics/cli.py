@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import json
 import os
+import shlex
 import signal
 import sys
 import tempfile
@@ -17,7 +19,7 @@ from typing import cast, get_args
 from part2gs_robotics import __version__
 from part2gs_robotics.config import Config, resolve
 from part2gs_robotics.errors import ConfigError, Part2GSError
-from part2gs_robotics.flags import Call, Format, command_options, parse
+from part2gs_robotics.flags import COMMANDS, Call, Format, command_options, parse
 
 OK, FAILED, BAD_INPUT, OUR_BUG, INTERRUPTED = 0, 1, 2, 3, 130  # see flags.EXIT_CODES; 128 + SIGINT
 
@@ -28,17 +30,21 @@ def main(argv: Sequence[str] | None = None) -> int:
     Args:
         argv: words after the program's name; None = those of this process.
     """
+    words = sys.argv[1:] if argv is None else list(argv)
     try:
         with _sigterm_as_interrupt():
-            call = parse(sys.argv[1:] if argv is None else argv)
+            call = parse(words)
             return RUN[call.command](call)
     except SystemExit as done:  # --help and --version
         return int(done.code or 0)
     except Part2GSError as err:
         sys.stderr.write(f"error: {err}\n")
+        if "--json" in words:
+            sys.stdout.write(json.dumps({"exit_code": BAD_INPUT, "error": str(err)}) + "\n")
         return BAD_INPUT
     except KeyboardInterrupt:
-        sys.stderr.write("interrupted; finished stages are kept, the same command continues\n")
+        sys.stderr.write("interrupted; finished stages are kept, the same command continues:\n"
+                         f"  part2gs-robot {shlex.join(words)}\n")
         return INTERRUPTED
     except BrokenPipeError:  # the reader of our output went away: nobody is left to tell
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
@@ -96,7 +102,7 @@ def _check(call: Call) -> int:
     from part2gs_robotics.sim_checks import check
     from part2gs_robotics.sim_checks.result import format_text
 
-    kind = str(call.flags.get("format", "text"))
+    kind = str(call.flags.get("format", "json" if call.flags.get("json") else "text"))
     config: Config = resolve({k: v for k, v in call.flags.items() if k != "format"})
     with logging_to(None, config.output.quiet, config.output.verbose):
         report = check(Path(call.paths[0]), steps=config.check.sweep_values)
@@ -108,8 +114,8 @@ def _check(call: Call) -> int:
 def _explain(call: Call) -> int:
     from part2gs_robotics.agree.catalogue import explain
 
-    sys.stdout.write(explain(call.paths[0]))
-    return OK
+    text = explain(call.paths[0])
+    return _say(call, {"id": call.paths[0], "text": text}, text)
 
 
 def _capture(call: Call) -> int:
@@ -126,11 +132,10 @@ def _capture(call: Call) -> int:
     with logging_to(None, quiet, verbose):
         done = capture(Path(call.paths[0]), Path(call.paths[1]),
                        Shots(views, test_views, size, seed, depth), states)
-    if not quiet:
-        sys.stdout.write(f"{done.scene}: {done.frames} images, {len(done.joints)} moving joints "
-                         f"({', '.join(done.joints)}), {done.seconds:.1f} s; truth in "
-                         f"{done.truth}\n")
-    return OK
+    return _say(call, {"scene": str(done.scene), "images": done.frames,
+                       "joints": list(done.joints), "truth": str(done.truth)},
+                f"{done.scene}: {done.frames} images, {len(done.joints)} moving joints "
+                f"({', '.join(done.joints)}), {done.seconds:.1f} s; truth in {done.truth}\n")
 
 
 def _export(call: Call) -> int:
@@ -143,12 +148,10 @@ def _export(call: Call) -> int:
     folder = Path(call.paths[0])
     files, notes = export_twin(folder, str(kind), Path(str(call.flags.get("out")
                                                            or folder / str(kind))))
-    if not call.flags.get("quiet"):
-        for note in notes:
-            sys.stdout.write(f"repaired: {note}\n")
-        shown = [file for file in files if file.parent.name != "assets"] or files
-        sys.stdout.write(f"{len(files)} files: {', '.join(map(str, shown[:6]))}\n")
-    return OK
+    shown = [file for file in files if file.parent.name != "assets"] or files
+    return _say(call, {"files": list(map(str, files)), "repaired": list(notes)},
+                "".join(f"repaired: {note}\n" for note in notes)
+                + f"{len(files)} files: {', '.join(map(str, shown[:6]))}\n")
 
 
 def _view(call: Call) -> int:
@@ -173,15 +176,14 @@ def _scene(call: Call) -> int:
     out = Path(str(given["out"]))
     with logging_to(None, bool(given["quiet"]), bool(given["verbose"])):
         made = make_scene((Path(call.paths[0]), Path(call.paths[1])), out, wishes)
-    if not given["quiet"]:
-        scale = ("unknown scale (print the sheet of part2gs-robot marker, or give "
-                 "--known-length)" if wishes.known_length is None else "scale by --known-length")
-        if made.scale is not None:
-            scale = f"metres by {made.scale.markers} markers, spread {made.scale.spread:.2%}"
-        sys.stdout.write(f"{out}: {made.registered[0]} of {made.taken[0]} and {made.registered[1]} "
-                         f"of {made.taken[1]} photos registered; {scale}. Next: part2gs-robot "
-                         f"inspect {out}, then part2gs-robot build {out}\n")
-    return OK
+    scale = ("unknown scale (print the sheet of part2gs-robot marker, or give --known-length)"
+             if wishes.known_length is None else "scale by --known-length")
+    if made.scale is not None:
+        scale = f"metres by {made.scale.markers} markers, spread {made.scale.spread:.2%}"
+    return _say(call, {"scene": str(out), **made.facts},
+                f"{out}: {made.registered[0]} of {made.taken[0]} and {made.registered[1]} of "
+                f"{made.taken[1]} photos registered; {scale}. Next: part2gs-robot inspect {out}, "
+                f"then part2gs-robot build {out}\n")
 
 
 def _marker(call: Call) -> int:
@@ -189,9 +191,7 @@ def _marker(call: Call) -> int:
 
     out = Path(str(call.flags.get("out", "sheet.pdf")))
     write_marker_sheet(out)
-    if not call.flags.get("quiet"):
-        sys.stdout.write(f"{out}: print at 100 %, lay it beside the object\n")
-    return OK
+    return _say(call, {"file": str(out)}, f"{out}: print at 100 %, lay it beside the object\n")
 
 
 def _inspect(call: Call) -> int:
@@ -201,12 +201,39 @@ def _inspect(call: Call) -> int:
     scene = Path(call.paths[0])
     config: Config = resolve(call.flags, read_scene_yaml(scene), str(scene / "scene.yaml"))
     told = inspect_scene(scene, config.read)
-    sys.stdout.write("".join(f"{line}\n" for line in told.found))
-    sys.stdout.write("".join(f"do better: {line}\n" for line in told.advice)
-                     or "nothing to do better\n")
+    return _say(call, {"found": list(told.found), "advice": list(told.advice)},
+                "".join(f"{line}\n" for line in told.found)
+                + ("".join(f"do better: {line}\n" for line in told.advice)
+                   or "nothing to do better\n"))
+
+
+def _doctor(call: Call) -> int:
+    from part2gs_robotics.commands.doctor import as_data, examine, told
+
+    found = examine(Path())
+    _say(call, as_data(found), told(found))
+    return OK if as_data(found)["ok"] else FAILED
+
+
+def _completion(call: Call) -> int:
+    from part2gs_robotics.commands.completion import script
+
+    flags = {name: tuple(command_options(name).values()) for name in COMMANDS}
+    summaries = {name: command.summary for name, command in COMMANDS.items()}
+    text = script(call.paths[0], flags, summaries)
+    return _say(call, {"shell": call.paths[0], "script": text}, text)
+
+
+def _say(call: Call, data: dict[str, object], text: str) -> int:
+    """Say a result to programs or to people; return that all went well."""
+    if call.flags.get("json"):
+        sys.stdout.write(json.dumps(data, indent=1) + "\n")
+    elif not call.flags.get("quiet"):
+        sys.stdout.write(text)
     return OK
 
 
 RUN: dict[str, Callable[[Call], int]] = {
     "build": _build, "check": _check, "explain": _explain, "export": _export, "capture": _capture,
-    "view": _view, "scene": _scene, "marker": _marker, "inspect": _inspect}
+    "view": _view, "scene": _scene, "marker": _marker, "inspect": _inspect, "doctor": _doctor,
+    "completion": _completion}

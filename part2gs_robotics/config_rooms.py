@@ -185,3 +185,5 @@ class OutputConfig:
     """only warnings and errors"""
     verbose: bool = False
     """details of every stage"""
+    json: bool = False
+    """say the result as one JSON object, for programs"""

@@ -27,6 +27,7 @@ class Command:
         rooms: rooms of the configuration whose flags it uses.
         extra: further flags: name -> setting of its own.
         instead: names of other paths it takes as well.
+        examples: words behind the program's name, and what they do, for its help.
     """
 
     summary: str
@@ -34,6 +35,7 @@ class Command:
     rooms: tuple[str, ...]
     extra: tuple[Option, ...] = ()
     instead: tuple[str, ...] = ()
+    examples: tuple[str, ...] = ()
 
     @property
     def shown(self) -> str:
@@ -49,30 +51,44 @@ def _capture(name: str, kind: type, default: Value, doc: str) -> Option:
 COMMANDS = {
     "build": Command("two-state photos in, MuJoCo-checked twin out", ("SCENE",),
                      ("photos", "read", "fit", "stereo", "search", "articulate", "mesh", "texture",
-                      "check", "output"), instead=("PHOTOS_0", "PHOTOS_1")),
+                      "check", "output"), instead=("PHOTOS_0", "PHOTOS_1"), examples=(
+                         "build scene/ -o out/                 a scene with cameras and masks",
+                         "build closed/ open/ -o out/          plain photos; videos do as well",
+                         "build scene/ -o out/ --preset draft  a quick look",
+                         "build scene/ --parts 3 --known-length 1.8 --material hardwood")),
     "check": Command("the simulator checks alone, on a twin folder or MJCF file", ("PATH",),
                      ("check",), (Option("format", ("check",), (Told,), "text",
-                                         "how to say it: for people, programs or CI"),)),
+                                         "how to say it: for people, programs or CI"),),
+                     examples=("check out/", "check robot.xml --format junit > checks.xml")),
     "explain": Command("what a check of `check` looks at, its threshold, what mends it", ("ID",),
-                       ()),
+                       (), examples=("explain overlap",)),
     "export": Command("write a twin folder's twin as MJCF, URDF, USD, SDFormat, glTF or for ROS 2",
                       ("TWIN",), (),
                       (Option("format", ("export",), (Format,), None,
                               "what to write; must be given"),
                        Option("out", ("export",), (str,), None,
-                              "folder of the new files; default: TWIN/FORMAT"))),
+                              "folder of the new files; default: TWIN/FORMAT")),
+                      examples=("export out/ --format usd", "export out/ --format ros -o pkg/")),
     "view": Command("move a finished twin by hand in the browser, MuJoCo behind it", ("TWIN",), (),
                     (Option("port", ("view",), (int,), 8080,
-                            "of the page on 127.0.0.1; the next free one where it is taken"),)),
+                            "of the page on 127.0.0.1; the next free one where it is taken"),),
+                    examples=("view out/",)),
     "scene": Command("plain photos or videos of two states in, a scene for build out",
                      ("PHOTOS_0", "PHOTOS_1"), ("photos",),
                      (Option("out", ("scene",), (str,), "scene", "folder of the new scene"),
                       Option("known_length", ("scene",), (float,), None, "metres of the object's "
-                             "longest side, where no marker is seen"))),
+                             "longest side, where no marker is seen")),
+                     examples=("scene closed/ open/ -o scene/", "scene closed.mp4 open.mp4")),
     "marker": Command("write a sheet of markers to print: it gives photos their scale", (), (),
-                      (Option("out", ("marker",), (str,), "sheet.pdf", "the new file"),)),
+                      (Option("out", ("marker",), (str,), "sheet.pdf", "the new file"),),
+                      examples=("marker -o sheet.pdf",)),
     "inspect": Command("say in seconds what a scene holds and what would make it better",
-                       ("SCENE",), ("read",)),
+                       ("SCENE",), ("read",), examples=("inspect scene/",)),
+    "doctor": Command("what this machine has of what is needed, and what to do", (), (),
+                      examples=("doctor", "doctor --json")),
+    "completion": Command("completion of commands and flags for bash, zsh or fish", ("SHELL",), (),
+                          examples=('completion bash   in ~/.bashrc: eval "$(part2gs-robot '
+                                    'completion bash)"',)),
     "capture": Command("render a two-state scene with ground truth from an MJCF or URDF model",
                        ("MODEL", "SCENE"), (),
                        (_capture("views", int, 64, "training views per state"),
@@ -82,10 +98,16 @@ COMMANDS = {
                         _capture("seed", int, 0, "places of the cameras"),
                         _capture("depth", bool, False, "also write 16-bit depth images"),
                         _capture("state", list, None, "positions of one joint in both states; may "
-                                 "be given for several joints, all others stay at rest"))),
+                                 "be given for several joints, all others stay at rest")),
+                       examples=("capture door.xml scene/ --views 64 --state hinge=0,1.2",)),
 }
-ALWAYS = ("quiet", "verbose")
+ALWAYS = ("quiet", "verbose", "json")
 SHORT = {"out": ["-o"], "scale": ["--meters-per-unit"]}  # further spellings
+FIRST_EXAMPLES = (
+    "build closed/ open/ -o out/   photos of an object closed and open, to a twin in MuJoCo",
+    "build scene/ -o out/          the same from photos with cameras and masks",
+    "build --help                  all flags of a command",
+    "doctor                        what this machine lacks, and what to do")
 EXIT_CODES = """exit codes: 0 built and all checks pass; 1 built or checked, but physics fails;
 2 bad usage or input; 3 internal error; 130 interrupted (the same command continues)"""
 
@@ -139,13 +161,15 @@ def command_options(name: str) -> dict[str, Option]:
 
 
 def _parser(name: str) -> _Parser:
-    listing = "\n".join(f"  {key:7s} {' '.join(command.paths):17s}  {command.summary}"
+    listing = "\n".join(f"  {key:10s} {' '.join(command.paths):17s}  {command.summary}"
                         for key, command in COMMANDS.items())
+    shown = COMMANDS[name].examples if name else FIRST_EXAMPLES
+    examples = "examples:\n" + "\n".join(f"  part2gs-robot {words}" for words in shown)
     paths = COMMANDS[name].shown if name else "PATH..."
     parser = _Parser(
         prog="part2gs-robot", allow_abbrev=False,
         usage=f"part2gs-robot {name or 'COMMAND'} {paths} [flags in any order]",
-        description=f"commands:\n{listing}", epilog=EXIT_CODES,
+        description=f"{examples}\n\ncommands:\n{listing}", epilog=EXIT_CODES,
         argument_default=argparse.SUPPRESS,  # what was not given must not override scene.yaml
         formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("words", nargs="*", default=[], help=argparse.SUPPRESS)

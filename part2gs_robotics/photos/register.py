@@ -14,7 +14,6 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -24,6 +23,7 @@ from part2gs_robotics.photos.joint_model import Model, joint_model
 from part2gs_robotics.photos.lock import Lock, lock_states
 from part2gs_robotics.photos.pairs import choose_pairs, largest_features, shared_features
 from part2gs_robotics.photos.posed import Posed, focus
+from part2gs_robotics.readers.image_files import image_size
 
 log = logging.getLogger(__name__)
 
@@ -88,7 +88,7 @@ def _extract(colmap: Any, database: Path, folder: Path,
     reader = colmap.ImageReaderOptions()
     reader.camera_model = LENS
     if focal is not None:
-        height, width = cv2.imread(str(folder / every[0])).shape[:2]
+        width, height = image_size(folder / every[0])
         reader.camera_params = f"{focal},{width / 2},{height / 2},0"
     colmap.extract_features(database, folder, image_names=every, reader_options=reader,
                             camera_mode=colmap.CameraMode.SINGLE, extraction_options=options)

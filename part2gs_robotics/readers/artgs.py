@@ -6,7 +6,8 @@ from dataclasses import replace
 from pathlib import Path
 
 from part2gs_robotics.errors import SceneError
-from part2gs_robotics.readers.nerfstudio import PosedImage, inside, read_transforms
+from part2gs_robotics.readers.image_files import inside
+from part2gs_robotics.readers.nerfstudio import PosedImage, read_transforms
 
 FILES = ("transforms_train_start.json", "transforms_train_end.json")
 

@@ -14,13 +14,12 @@ from part2gs_robotics.readers.colmap_files import (
     read_cameras,
     read_images,
 )
-from part2gs_robotics.readers.image_files import image_size
+from part2gs_robotics.readers.image_files import image_size, inside, own_file
 from part2gs_robotics.readers.lenses import distorts, split
 from part2gs_robotics.readers.nerfstudio import (
     MAX_COORDINATE,
     MAX_DISTORTION,
     PosedImage,
-    inside,
     intrinsics,
     refuse_missing,
 )
@@ -76,6 +75,9 @@ def read_model(model: Path, scene: Path, allow_missing: bool) -> list[PosedImage
     Raises:
         SceneError: a broken file, a lens that cannot be undistorted, or images that lack.
     """
+    for name in ("cameras", "images"):
+        for kind in ("bin", "txt"):
+            own_file(model / f"{name}.{kind}", scene)
     cameras, images = read_cameras(model), read_images(model)
     roots = _roots(model, scene)
     posed, missing = [], []

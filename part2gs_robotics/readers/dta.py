@@ -15,22 +15,21 @@ import yaml
 
 from part2gs_robotics.errors import SceneError
 from part2gs_robotics.model.arrays import F64
-from part2gs_robotics.readers.image_files import image_size
+from part2gs_robotics.readers.image_files import image_size, inside, own_file
 from part2gs_robotics.readers.nerfstudio import (
     DEPTH_UNIT,
     MAX_FRAMES,
     PosedImage,
     from_opengl,
-    inside,
     intrinsics,
     refuse_missing,
 )
+from part2gs_robotics.runtime.plain_yaml import NotPlainError, read_plain
 
 KEYFRAMES, CAMERA = "init_keyframes.yml", "cam_K.txt"
 NAME = re.compile(r"frame_(\d+_\d+)")
 MAX_BYTES = 4 << 20  # 10,000 keyframes of 16 numbers are 3 MB
 MAX_DEPTH = 4  # keyframes, one of them, its matrix, a row
-LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)  # both safe, the first ten times faster
 MAX_K_BYTES = 4096  # nine numbers
 
 
@@ -51,6 +50,8 @@ def read_dta(scene: Path, allow_missing: bool, depth: bool,
     Raises:
         SceneError: cameras that cannot be used, or images that lack.
     """
+    for name in (CAMERA, KEYFRAMES):
+        own_file(scene / name, scene)
     K, frames = _intrinsics(scene / CAMERA), _keyframes(scene / KEYFRAMES)
     states: tuple[list[PosedImage], list[PosedImage]] = ([], [])
     missing = []
@@ -74,7 +75,7 @@ def _posed(image: Path, K: F64, frame: dict[str, object], files: tuple[Path | No
     (fx, _, cx), (_, fy, cy), _ = K
     checked = intrinsics({"fl_x": fx, "fl_y": fy, "cx": cx, "cy": cy}, size, where)
     try:
-        pose = np.array(frame.get("cam_in_ob"), float).reshape(4, 4)
+        pose: F64 = np.array(frame.get("cam_in_ob"), float).reshape(4, 4)
     except (TypeError, ValueError, OverflowError):
         pose = np.zeros(0)
     return PosedImage(image.name, image, size, checked, None,
@@ -115,17 +116,6 @@ def _intrinsics(path: Path) -> F64:
     return np.asarray(K)
 
 
-def _refuse_deep(path: Path, text: str) -> None:
-    """Refuse what plain keyframes never hold."""
-    depth = 0  # aliases repeat into gigabytes; the loader in C crashes where brackets nest deeply
-    for event in yaml.parse(text, Loader=LOADER):
-        depth += isinstance(event, yaml.CollectionStartEvent)
-        depth -= isinstance(event, yaml.CollectionEndEvent)
-        if isinstance(event, yaml.AliasEvent) or depth > MAX_DEPTH:
-            raise SceneError(f"{path}: uses a YAML alias (*name), or nests deeper than "
-                             f"{MAX_DEPTH}. Expected plain keyframes; write the values out.")
-
-
 def _keyframes(path: Path) -> dict[str, dict[str, object]]:
     try:
         size = path.stat().st_size
@@ -133,8 +123,9 @@ def _keyframes(path: Path) -> dict[str, dict[str, object]]:
             raise SceneError(f"{path}: {size} bytes. Expected at most {MAX_BYTES} bytes of "
                              "camera data; check that these are keyframes.")
         text = path.read_text("utf-8")
-        _refuse_deep(path, text)
-        content = LOADER(text).get_single_data()
+        content = read_plain(text, MAX_DEPTH)
+    except NotPlainError as err:
+        raise SceneError(f"{path}: {err}. Expected plain keyframes; write the values out.") from err
     except (OSError, ValueError, yaml.YAMLError, RecursionError) as err:
         reason = " ".join(str(err).split())[:120] or type(err).__name__
         raise SceneError(f"{path}: cannot be read as YAML ({reason}). Expected keyframes with "

@@ -1,4 +1,4 @@
-"""Image files at the trust boundary: size from the header first, pixels only after the limits."""
+"""Files at the trust boundary: those of the scene alone, and of images the header before pixels."""
 
 from __future__ import annotations
 
@@ -20,6 +20,45 @@ PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
 SOF_MARKERS = frozenset(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}
 
 U8 = NDArray[np.uint8]
+
+
+def inside(root: Path, base: Path, relative: object, where: str) -> Path:
+    """Return base / relative with symlinks resolved, refused when it leaves the scene.
+
+    Raises:
+        SceneError: not a usable path, absolute, or outside `root`.
+    """
+    text = str(relative)
+    try:
+        path = (base / text.replace("\\", "/")).resolve()
+        path.exists()  # raises for names the file system cannot hold
+        usable = isinstance(relative, str) and bool(text)
+    except (OSError, ValueError, RuntimeError):  # too long, NUL or lone surrogate, link loop
+        usable, path = False, base
+    if not usable:
+        raise SceneError(f"{where}: path is {text[:60]!r}. Expected the name of a file in the "
+                         "scene; correct the entry.")
+    if Path(text).is_absolute() or not path.is_relative_to(root.resolve()):
+        raise SceneError(f"{where}: {text[:120]!r} leads outside the scene folder. Expected a file "
+                         f"inside {root}; copy the files into the scene.")
+    return path
+
+
+def own_file(path: Path, root: Path) -> None:
+    """Refuse a camera or settings file that is a link out of the scene, or no file.
+
+    Raises:
+        SceneError: it is.
+    """
+    try:
+        own = path.resolve().is_relative_to(root.resolve())
+    except (OSError, RuntimeError):  # a loop of links
+        own = False
+    if not own:
+        raise SceneError(f"{path}: is a link that leads outside the scene folder. Expected a file "
+                         f"inside {root}; copy the files into the scene.")
+    if path.exists() and not path.is_file():  # reading a pipe would wait for ever
+        raise SceneError(f"{path}: is no file. Expected a plain file; copy it into the scene.")
 
 
 def image_size(path: Path) -> tuple[int, int]:

@@ -13,7 +13,7 @@ import numpy as np
 
 from part2gs_robotics.errors import SceneError
 from part2gs_robotics.model.arrays import F64
-from part2gs_robotics.readers.image_files import image_size
+from part2gs_robotics.readers.image_files import image_size, inside, own_file
 
 MAX_JSON_BYTES = 64 << 20  # 10,000 frames with every key are below 10 MB
 MAX_FRAMES = 10_000  # more posed photos of one object are a mistake
@@ -91,6 +91,7 @@ def read_transforms(path: Path, root: Path, allow_missing: bool) -> list[PosedIm
         root: the scene folder; nothing outside it is read.
         allow_missing: drop frames without camera or image instead of refusing.
     """
+    own_file(path, root)
     content = read_json(path)
     frames = content.get("frames")
     if not isinstance(frames, list) or not all(isinstance(f, dict) for f in frames):
@@ -98,8 +99,8 @@ def read_transforms(path: Path, root: Path, allow_missing: bool) -> list[PosedIm
                          "entry per photo with file_path and transform_matrix; export the cameras "
                          "again.")
     if len(frames) > MAX_FRAMES:
-        raise SceneError(f"{path}: {len(frames)} frames. Expected at most {MAX_FRAMES}; "
-                         "keep the sharpest photos of each state.")
+        raise SceneError(f"{path}: {len(frames)} frames. Expected at most {MAX_FRAMES}; keep the "
+                         "sharpest photos of each state.")
     images, missing = [], []
     for index, frame in enumerate(frames):
         where = f"{path}: frame {index}"
@@ -124,28 +125,6 @@ def refuse_missing(path: Path, missing: Sequence[str], total: int) -> NoReturn:
         f"({', '.join(missing[:3])}{', ...' if len(missing) > 3 else ''}). Expected a pose and an "
         "existing image for every frame; export them again or go on without these frames with "
         "--allow-missing.")
-
-
-def inside(root: Path, base: Path, relative: object, where: str) -> Path:
-    """Return base / relative with symlinks resolved, refused when it leaves the scene.
-
-    Raises:
-        SceneError: not a usable path, absolute, or outside `root`.
-    """
-    text = str(relative)
-    try:
-        path = (base / text.replace("\\", "/")).resolve()
-        path.exists()  # raises for names the file system cannot hold
-        usable = isinstance(relative, str) and bool(text)
-    except (OSError, ValueError, RuntimeError):  # too long, NUL or lone surrogate, link loop
-        usable, path = False, base
-    if not usable:
-        raise SceneError(f"{where}: path is {text[:60]!r}. Expected the name of a file in the "
-                         "scene; correct the entry.")
-    if Path(text).is_absolute() or not path.is_relative_to(root.resolve()):
-        raise SceneError(f"{where}: {text[:120]!r} leads outside the scene folder. Expected a file "
-                         f"inside {root}; copy the files into the scene.")
-    return path
 
 
 def _find_image(frame: Json, path: Path, root: Path, where: str) -> Path | None:
@@ -176,7 +155,8 @@ def _posed(frame: Json, shared: Json, image: Path, path: Path, root: Path,
                          "photo shows; keep two states.")
     return PosedImage(str(frame["file_path"]), image, size, intrinsics(entries, size, where),
                       _distortion(entries, where), camera_from_world(frame, where),
-                      None if time is None else int(cast(int, time)), depth_unit=unit, **extra)
+                      None if time is None else int(cast(int, time)), mask=extra["mask"],
+                      depth=extra["depth"], depth_unit=unit)
 
 
 def number(entries: Json, key: str, where: str, default: float) -> float:

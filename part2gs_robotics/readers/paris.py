@@ -11,14 +11,13 @@ from pathlib import Path
 import numpy as np
 
 from part2gs_robotics.errors import SceneError
-from part2gs_robotics.readers.image_files import image_size
+from part2gs_robotics.readers.image_files import image_size, inside, own_file
 from part2gs_robotics.readers.nerfstudio import (
     MAX_FRAMES,
     SUFFIXES,
     Json,
     PosedImage,
     from_opengl,
-    inside,
     intrinsics,
     read_json,
     refuse_missing,
@@ -49,6 +48,7 @@ def read_paris(scene: Path, allow_missing: bool) -> tuple[list[PosedImage], list
 
 def _state(scene: Path, state: str, allow_missing: bool) -> list[PosedImage]:
     path = scene / state / FILE
+    own_file(path, scene)
     content = read_json(path)
     frames = {key: pose for key, pose in content.items() if key != "K"}
     if len(frames) > MAX_FRAMES:

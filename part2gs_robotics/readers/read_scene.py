@@ -21,10 +21,12 @@ from part2gs_robotics.readers.layouts import States, read_layout
 from part2gs_robotics.readers.nerfstudio import PosedImage
 from part2gs_robotics.readers.validate_depth import check_depth
 from part2gs_robotics.readers.wrong_masks import without_wrong_masks
+from part2gs_robotics.runtime.plain_yaml import NotPlainError, read_plain
 from part2gs_robotics.runtime.threads import in_threads
 
 HELD_OUT_EVERY = 8  # 64 views leave 8 unseen: enough for a PSNR, few enough not to be missed
 MAX_YAML_BYTES = 1 << 16  # scene.yaml holds a few settings
+MAX_DEPTH = 4  # settings, one of them, its numbers
 MAX_SCENE_BYTES = 2 << 30  # half of the memory a build may use
 
 
@@ -78,20 +80,20 @@ def read_scene_yaml(path: Path) -> dict[object, object]:
 
     Raises:
         ConfigError: too large, not YAML, with aliases, or not a mapping.
+        SceneError: a link that leaves the scene.
     """
     file = path / "scene.yaml"
     if not file.is_file():
         return {}
+    images.own_file(file, path)
     try:
         if file.stat().st_size > MAX_YAML_BYTES:
             raise ConfigError(f"{file}: {file.stat().st_size} bytes. Expected a few settings, at "
                               f"most {MAX_YAML_BYTES} bytes; remove what is not a setting.")
         text = file.read_text("utf-8")
-        # an alias can repeat itself into gigabytes, and no setting needs one
-        if any(isinstance(token, yaml.AliasToken) for token in yaml.scan(text)):
-            raise ConfigError(f"{file}: uses a YAML alias (*name). Expected plain settings; write "
-                              "the value out.")
-        content = yaml.safe_load(text)
+        content = read_plain(text, MAX_DEPTH)
+    except NotPlainError as err:
+        raise ConfigError(f"{file}: {err}. Expected plain settings; write the value out.") from err
     except (OSError, ValueError, yaml.YAMLError, RecursionError) as err:
         reason = " ".join(str(err).split())[:120] or type(err).__name__
         raise ConfigError(f"{file}: cannot be read as YAML ({reason}). Expected lines such as "

@@ -52,7 +52,7 @@ def test_every_setting_is_a_flag_of_build() -> None:
 
 @pytest.mark.parametrize(("words", "message"), [
     ([], "no command"), (["bulid", "x"], "no command"), (["build"], "got 0 paths"),
-    (["build", "a", "b"], "got 2 paths"), (["check", "x", "--parts", "2"], "belongs to build"),
+    (["build", "a", "b", "c"], "got 3 paths"), (["check", "x", "--parts", "2"], "belongs to build"),
     (["build", "x", "--part", "2"], "Nearest valid flag: --parts"),
     (["build", "x", "--views", "9"], "belongs to capture"), (["build", "x", "--parts"], "argument"),
     (["build", "x", "--quiet=yes"], "quiet"), (["capture", "x"], "got 1 paths"),

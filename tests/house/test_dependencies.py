@@ -28,7 +28,6 @@ WITHOUT_IMPORT = {
     "catkin-pkg": "test_launch.py imports it where it is installed, by name",
     "cmeel-urdfdom": "benchmarks/judges.py runs its check_urdf",
     "simcheck": "benchmarks/judges.py runs its command",
-    "pycolmap": "tests of photos run it through photos/register.py",
     "pillow": "view/server.py hands pictures to viser with it",
     "setuptools": "setup.py and pip's builds without isolation import it",
 }
