@@ -205,9 +205,10 @@ def read_obj(path: Path, image: NDArray[np.uint8] | None = None,
     try:
         points, uv = _table(rows["v"], (6, 3)), _table(rows["vt"], (2, 3))
         corners = _corners(rows["f"], (len(points), len(uv)))
-    except ValueError as error:
-        raise CheckError(f"{path}: is not a mesh of triangles ({error}). Needed OBJ with `v x y z` "
-                         "and faces of three corners; export it as triangles.") from None
+    except (ValueError, OverflowError) as error:  # 400 digits are no index
+        raise CheckError(f"{path}: is not a mesh of triangles ({str(error)[:120]}). Needed OBJ "
+                         "with `v x y z` and faces of three corners; export it as triangles."
+                         ) from None
     colored = points.shape[1] == 6
     colors = (np.rint(points[:, 3:] * 255).clip(0, 255) if colored
               else np.tile(GREY, (len(points), 1)))

@@ -41,6 +41,8 @@ class PhotosConfig:
     """frames taken from a video"""
     marker_size: float = 0.06
     """metres of a printed marker's black square, as measured"""
+    mask_model: str | None = None
+    """ONNX file of a salient-object network, which makes the masks of plain photos"""
 
 
 @dataclass(frozen=True)

@@ -52,6 +52,8 @@ def scene_of_photos(sources: tuple[Path, Path], out: Path, config: Config) -> Pa
     store = Store(out)
     store.refuse_early()
     files = [list(_files(source)) for source in sources]
+    if config.photos.mask_model is not None:
+        files.append([Path(config.photos.mask_model)])
     key = hash_of("scene", code_version(), asdict(config.photos), config.read.known_length,
                   *([path.name, _sha256(path)] for state in files for path in state))
     store.prepare()
@@ -128,8 +130,10 @@ def _made(sources: tuple[Path, Path], out: Path, key: str, config: Config) -> li
 
     photos, fresh, old = config.photos, out / f"{NEW_PREFIX}{os.getpid()}", None
     try:
-        made = make_scene(sources, fresh, Wishes(photos.side, photos.frames,
-                                                 config.read.known_length, photos.marker_size))
+        model = None if photos.mask_model is None else Path(photos.mask_model)
+        length = config.read.known_length
+        made = make_scene(sources, fresh, Wishes(photos.side, photos.frames, length,
+                                                 photos.marker_size, model))
         if (out / SCENE).exists():  # a folder cannot be replaced by rename unless it is empty
             old = out / f"{SCENE}.old.tmp-{os.getpid()}"
             os.rename(out / SCENE, old)

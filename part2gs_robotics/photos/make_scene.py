@@ -22,6 +22,7 @@ from part2gs_robotics.photos.register import import_colmap, register
 from part2gs_robotics.photos.support import find_support
 from part2gs_robotics.photos.write_scene import check_out, check_space, disk_needed, write_scene
 from part2gs_robotics.readers.image_files import Undistorter
+from part2gs_robotics.salient.network import load_network
 
 log = logging.getLogger(__name__)
 
@@ -40,12 +41,14 @@ class Wishes:
         frames: taken from a video.
         known_length: metres of the object's longest side, written for `build`; None = unknown.
         marker_m: side of a printed marker's black square, metres.
+        mask_model: ONNX file of a network that makes the masks; None = they are made without.
     """
 
     side: int = 1024
     frames: int = 40
     known_length: float | None = None
     marker_m: float = 0.060
+    mask_model: Path | None = None
 
 
 @dataclass(frozen=True)
@@ -89,6 +92,7 @@ def make_scene(sources: tuple[Path, Path], out: Path, wishes: Wishes | None = No
     import_colmap()
     photos = _same_size((read_photos(sources[0], wishes.frames, wishes.side),
                          read_photos(sources[1], wishes.frames, wishes.side)), sources)
+    photos = masked(photos, wishes.mask_model)
     check_space(out, disk_needed([[p.rgb for p in state] for state in photos]))
     posed = _registered(photos)
     used = tuple([_by_name(photos[s])[Path(n).stem] for n in posed.names[s]] for s in (0, 1))
@@ -140,6 +144,21 @@ def _same_size(photos: Photos, sources: tuple[Path, Path]) -> Photos:
                              "one lens without zoom.")
         kept.append(good)
     return kept[0], kept[1]
+
+
+def masked(photos: Photos, model: Path | None) -> Photos:
+    """Return the photos with masks by a network where they have none; unchanged without one.
+
+    Raises:
+        ConfigError: the file is no network that can be run here.
+    """
+    if model is None:
+        return photos
+    network = load_network(model)
+    first, second = ([photo if photo.mask is not None else
+                      replace(photo, mask=network.mask(photo.rgb)) for photo in state]
+                     for state in photos)
+    return first, second
 
 
 def _by_name(photos: Sequence[Photo]) -> dict[str, Photo]:

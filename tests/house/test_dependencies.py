@@ -29,8 +29,13 @@ WITHOUT_IMPORT = {
     "cmeel-urdfdom": "benchmarks/judges.py runs its check_urdf",
     "simcheck": "benchmarks/judges.py runs its command",
     "pillow": "view/server.py hands pictures to viser with it",
+    "submitit": "test_batch.py runs it through commands/batch_on.py",
+    "onnxruntime": "tests/salient run it through salient/network.py",
     "setuptools": "setup.py and pip's builds without isolation import it",
 }
+
+
+EXTRAS = ("gpu", "usd", "photos", "view", "masks", "batch", "slurm")
 
 
 @cache
@@ -64,6 +69,8 @@ def imported(folders: tuple[str, ...]) -> dict[str, str]:
 
 @pytest.mark.parametrize(("kind", "folders"), [("run", PRODUCT), ("gpu", PRODUCT), ("usd", PRODUCT),
                                                ("photos", PRODUCT), ("view", PRODUCT),
+                                               ("masks", PRODUCT), ("batch", PRODUCT),
+                                               ("slurm", PRODUCT),
                                                ("dev", WORKSHOP)])
 def test_what_is_declared_is_imported(kind: str, folders: tuple[str, ...]) -> None:
     used = imported(folders)
@@ -71,8 +78,7 @@ def test_what_is_declared_is_imported(kind: str, folders: tuple[str, ...]) -> No
     assert not idle - set(WITHOUT_IMPORT), "declared and never imported"
 
 
-@pytest.mark.parametrize(("kinds", "folders"), [(("run", "gpu", "usd", "photos", "view"),
-                                                 PRODUCT),
+@pytest.mark.parametrize(("kinds", "folders"), [(("run", *EXTRAS), PRODUCT),
                                                 (("run", "dev", "bench"), WORKSHOP)])
 def test_what_is_imported_is_declared(kinds: tuple[str, ...], folders: tuple[str, ...]) -> None:
     known = {import_name(name) for kind in kinds for name in requirements(kind)}
@@ -87,7 +93,7 @@ def test_exceptions_are_still_needed() -> None:
             assert import_name(name) not in imported(folders), f"{name} is imported after all"
 
 
-@pytest.mark.parametrize("kind", ["run", "dev", "gpu", "usd", "photos", "view"])
+@pytest.mark.parametrize("kind", ["run", "dev", *EXTRAS])
 def test_every_dependency_has_its_reason_beside_it(kind: str) -> None:
     lines = (ROOT / "pyproject.toml").read_text().splitlines()
     for requirement in requirements(kind).values():

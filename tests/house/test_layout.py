@@ -26,7 +26,8 @@ MAY = {
     "exporters": "model runtime", "report": "model runtime",
     "agree": "exporters model runtime",
     "sim_checks": "agree collision exporters model runtime", "capture": "sim_checks model",
-    "photos": "readers model runtime", "view": "exporters sim_checks model runtime",
+    "salient": "model", "photos": "salient readers model runtime",
+    "view": "exporters sim_checks model runtime",
     "commands": "photos readers model runtime",
 }  # fmt: skip
 ALONE = {  # from that room, these files alone

@@ -144,6 +144,45 @@ def test_photos_alone_give_cameras_and_a_door_of_half_the_picture_does_not_pull(
     assert np.abs(off[:len(posed.names[0])].mean(0)).max() < 0.005
 
 
+@pytest.mark.slow
+def test_walls_that_are_alike_are_told(tmp_path, monkeypatch, caplog):
+    """Cameras among alike walls come out wrong; that must not happen without a word."""
+    true = room._paint
+
+    def paint(uv, base, contrast, which, face=None):
+        alike = which >= 4  # the walls: one pattern, four times along each
+        return true((uv * 4) % 1.0 if alike else uv, base, contrast, min(which, 4), face)
+
+    monkeypatch.setattr(room, "_paint", paint)
+    photos, _, _ = room.two_states(24)
+    names = [[f"{n:02d}.png" for n in range(24)] for _ in (0, 1)]
+    for state in (0, 1):
+        (tmp_path / str(state)).mkdir()
+        for n, rgb in enumerate(photos[state]):
+            cv2.imwrite(str(tmp_path / str(state) / names[state][n]), rgb[..., ::-1])
+    with caplog.at_level("WARNING", "part2gs_robotics"):
+        register(tmp_path, (names[0], names[1]))
+    assert "a pattern repeats" in caplog.text
+
+
+def test_matches_of_the_cameras_own_motion_have_no_error():
+    from part2gs_robotics.photos.register import epipolar_errors
+
+    rng = np.random.default_rng(0)
+    points = rng.uniform([-1, -1, 3], [1, 1, 6], (50, 3))
+    move = np.eye(4)
+    move[:3, :3], move[:3, 3] = cv2.Rodrigues(np.array([0.1, 0.4, -0.2]))[0], [0.5, 0.1, 0.2]
+    other = points @ move[:3, :3].T + move[:3, 3]
+    first, second = points[:, :2] / points[:, 2:], other[:, :2] / other[:, 2:]
+    np.testing.assert_allclose(epipolar_errors(first, second, move), 0, atol=1e-12)
+    shifted = second + np.array([0.0, 1e-3])
+    off = epipolar_errors(first, shifted, move)
+    assert (off < 1e-3).all(), "never more than the point is off"
+    wrong = move.copy()
+    wrong[:3, 3] = [-0.2, 0.5, 0.1]
+    assert np.median(epipolar_errors(first, second, wrong)) > 0.01
+
+
 @pytest.mark.parametrize(("wishes", "text"), [
     (maker.Wishes(side=100), "--side 100"),
     (maker.Wishes(frames=5), "--frames 5"),
