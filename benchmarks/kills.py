@@ -26,7 +26,8 @@ from pathlib import Path
 
 from toy_scenes import write_tiny_scene
 
-TIMED = {"report.html", "report.json", "log.jsonl", "build.lock"}  # they tell time or process
+# They tell time or process, and config.yaml the name of the output folder.
+TIMED = {"report.html", "report.json", "log.jsonl", "build.lock", "config.yaml"}
 SIGNALS = (signal.SIGKILL, signal.SIGINT)
 
 
@@ -61,7 +62,7 @@ def killed(words: Sequence[str], after: float, number: signal.Signals) -> bool:
         return False
     except subprocess.TimeoutExpired:
         child.send_signal(number)
-        _, said = child.communicate(timeout=60)
+        _, said = child.communicate(timeout=120)
         if number == signal.SIGINT and child.returncode not in (0, 1):
             assert child.returncode in (130, -signal.SIGINT), (child.returncode, said)
             assert "Traceback" not in said or child.returncode < 0, said
@@ -103,6 +104,14 @@ def _differing(one: dict[str, str], two: dict[str, str]) -> list[str]:
     return sorted(name for name in one.keys() | two.keys() if one.get(name) != two.get(name))[:10]
 
 
+def added(one: dict[str, object], two: dict[str, object]) -> dict[str, object]:
+    """Return the figures of two campaigns of different seeds together."""
+    signals = {name: one["signals"][name] + two["signals"][name] for name in one["signals"]}
+    return {**two, "kills": one["kills"] + two["kills"], "builds": one["builds"] + two["builds"],
+            "signals": signals, "different": one["different"] + two["different"],
+            "files_compared": min(one["files_compared"], two["files_compared"])}
+
+
 def main() -> int:
     """Run the campaign and write its figures; 1 if a build came out differently."""
     parser = argparse.ArgumentParser(description=__doc__)
@@ -110,8 +119,11 @@ def main() -> int:
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--minutes", type=float, default=60.0, help="stop after so many")
     parser.add_argument("--out", type=Path)
+    parser.add_argument("--add", action="store_true", help="to the figures in --out; other seed!")
     given = parser.parse_args()
     found = campaign(given.count, given.seed, given.minutes)
+    if given.add and given.out:
+        found = added(json.loads(given.out.read_text()), found)
     text = json.dumps(found, indent=1) + "\n"
     if given.out:
         given.out.write_text(text)

@@ -19,7 +19,7 @@ from typing import cast, get_args
 from part2gs_robotics import __version__
 from part2gs_robotics.config import Config, resolve
 from part2gs_robotics.errors import ConfigError, Part2GSError
-from part2gs_robotics.flags import COMMANDS, Call, Format, command_options, parse
+from part2gs_robotics.flags import ALWAYS, COMMANDS, Call, Format, command_options, parse
 
 OK, FAILED, BAD_INPUT, OUR_BUG, INTERRUPTED = 0, 1, 2, 3, 130  # see flags.EXIT_CODES; 128 + SIGINT
 
@@ -94,6 +94,27 @@ def _build(call: Call) -> int:
         scene = scene_of_photos((first, Path(call.paths[1])), out, config)
         flags = settings_for(flags, read_scene_yaml(scene)) | {"out": str(out)}
     return build(scene, resolve(flags, read_scene_yaml(scene), str(scene / "scene.yaml")))
+
+
+def _batch(call: Call) -> int:
+    from dataclasses import asdict
+
+    from part2gs_robotics.commands.batch import BatchWishes, run_batch, words_of
+    from part2gs_robotics.commands.batch_page import counts
+
+    available = command_options("batch")
+    given = {key: option.default for key, option in available.items()} | call.flags
+    own = {"out", "on", "workers", "retries", *ALWAYS}
+    forwarded = {key: value for key, value in call.flags.items() if key not in own}
+    resolve(forwarded)  # refused before the first scene, not by each of them
+    wishes = BatchWishes(Path(str(given["out"])), str(given["on"]), cast(int, given["workers"]),
+                         cast(int, given["retries"]), words_of(forwarded, available),
+                         bool(given["quiet"]), bool(given["verbose"]))
+    rows, pages = run_batch([Path(path) for path in call.paths], wishes)
+    good = all(row.outcome == "built" for row in rows)
+    _say(call, {"rows": [asdict(row) for row in rows], "files": list(map(str, pages))},
+         f"{counts(rows)}; {', '.join(map(str, pages))}\n")
+    return OK if good else FAILED
 
 
 def _check(call: Call) -> int:
@@ -172,7 +193,8 @@ def _scene(call: Call) -> int:
     given = {key: option.default for key, option in command_options("scene").items()} | call.flags
     length = cast("float | None", given["known_length"])
     wishes = Wishes(cast(int, given["side"]), cast(int, given["frames"]), length,
-                    cast(float, given["marker_size"]))
+                    cast(float, given["marker_size"]), None if given["mask_model"] is None
+                    else Path(str(given["mask_model"])))
     out = Path(str(given["out"]))
     with logging_to(None, bool(given["quiet"]), bool(given["verbose"])):
         made = make_scene((Path(call.paths[0]), Path(call.paths[1])), out, wishes)
@@ -234,6 +256,7 @@ def _say(call: Call, data: dict[str, object], text: str) -> int:
 
 
 RUN: dict[str, Callable[[Call], int]] = {
-    "build": _build, "check": _check, "explain": _explain, "export": _export, "capture": _capture,
-    "view": _view, "scene": _scene, "marker": _marker, "inspect": _inspect, "doctor": _doctor,
+    "build": _build, "batch": _batch, "check": _check, "explain": _explain, "export": _export,
+    "capture": _capture, "view": _view, "scene": _scene, "marker": _marker, "inspect": _inspect,
+    "doctor": _doctor,
     "completion": _completion}

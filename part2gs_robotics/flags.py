@@ -13,6 +13,7 @@ from part2gs_robotics import __version__
 from part2gs_robotics.config import PRESETS, Option, Value, convert, options
 from part2gs_robotics.errors import ConfigError
 
+Place = Literal["local", "ray", "slurm"]
 Told = Literal["text", "json", "junit", "sarif", "github"]
 Format = Literal["mjcf", "urdf", "usd", "sdf", "glb", "ros"]
 
@@ -27,6 +28,7 @@ class Command:
         rooms: rooms of the configuration whose flags it uses.
         extra: further flags: name -> setting of its own.
         instead: names of other paths it takes as well.
+        many: any number of the path it takes.
         examples: words behind the program's name, and what they do, for its help.
     """
 
@@ -36,10 +38,13 @@ class Command:
     extra: tuple[Option, ...] = ()
     instead: tuple[str, ...] = ()
     examples: tuple[str, ...] = ()
+    many: bool = False
 
     @property
     def shown(self) -> str:
         """The paths as help shows them."""
+        if self.many:
+            return f"{self.paths[0]}..."
         return " | ".join(" ".join(names) for names in (self.paths, self.instead) if names)
 
 
@@ -56,6 +61,17 @@ COMMANDS = {
                          "build closed/ open/ -o out/          plain photos; videos do as well",
                          "build scene/ -o out/ --preset draft  a quick look",
                          "build scene/ --parts 3 --known-length 1.8 --material hardwood")),
+    "batch": Command("many scenes to many twins, on this machine, on Ray or on SLURM", ("SCENE",),
+                     ("read", "fit", "stereo", "search", "articulate", "mesh", "texture", "check",
+                      "output"),
+                     (Option("out", ("batch",), (str,), "twins", "folder of the twins"),
+                      Option("on", ("batch",), (Place,), "local", "where: threads of this machine, "
+                             "a Ray cluster (RAY_ADDRESS, else one here), or SLURM"),
+                      Option("workers", ("batch",), (int,), 1, "builds at a time on this machine"),
+                      Option("retries", ("batch",), (int,), 2, "tries more for a build that was "
+                             "killed or broke; a refused scene is not tried again")),
+                     many=True, examples=("batch scenes/*/ -o twins/ --preset draft",
+                                          "batch scenes/*/ -o twins/ --on ray --workers 8")),
     "check": Command("the simulator checks alone, on a twin folder or MJCF file", ("PATH",),
                      ("check",), (Option("format", ("check",), (Told,), "text",
                                          "how to say it: for people, programs or CI"),),
@@ -145,7 +161,8 @@ def parse(argv: Sequence[str]) -> Call:
     available, wanted = command_options(command), COMMANDS[command]
     if unknown:
         _refuse_unknown(unknown[0], command, available)
-    if len(paths) not in {len(wanted.paths), len(wanted.instead or wanted.paths)}:
+    right = {len(wanted.paths), len(wanted.instead or wanted.paths)}
+    if not (paths if wanted.many else len(paths) in right):
         raise ConfigError(f"command line: {command} got {len(paths)} paths. Expected "
                           f"{wanted.shown}; see part2gs-robot {command} --help.")
     return Call(command, paths, {key: convert(available[key], value, available[key].flag)

@@ -25,6 +25,8 @@ TABLES = {
     ("docs/masks.md", "masks"): ("masks", "masks", "table"),
     ("docs/sabotage.md", "sabotage"): ("sabotage", "sabotage", "markdown"),
     ("docs/photos.md", "photos"): ("photos", "photos", "markdown"),
+    ("docs/batch.md", "trial"): ("batch", "batch", "markdown"),
+    ("docs/batch.md", "plan10k"): ("batch_plan", "batch_plan", "markdown"),
 }
 OWN = {"solids": "solids", "simulators": "simulators", "states": "other_states"}
 

@@ -76,7 +76,8 @@ def test_doctor_names_what_lacks_and_what_to_do(monkeypatch, capsys, tmp_path):
     monkeypatch.setattr(doctor, "DRAW", "raise SystemExit('no EGL')")
     text = doctor.told(doctor.examine(tmp_path))
     for line in ("MISSING numpy", "pip install 'numpy'", "free some space", "no EGL",
-                 "apt-get install libgl1", "pip install 'part2gs-robotics[photos]'", "things missing"):
+                 "apt-get install libgl1", "pip install 'part2gs-robotics[photos]'",
+                 "things missing"):
         assert line in text
     assert cli.main(["doctor"]) == 1
 

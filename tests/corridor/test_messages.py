@@ -122,6 +122,13 @@ WORDS = {
     "export photos --format glb": "twin.yaml",
     "export nothing --format urdf": "nothing", "export out --format obj": "--format is 'obj'",
     "capture model.xml": "got 1 paths", "capture nothing.xml new": "nothing.xml",
+    "batch": "got 0 paths", "batch nothing -o new": "nothing: is missing",
+    "batch photos -o new --workers 0": "--workers is 0", "batch photos --on moon": "--on is 'moon'",
+    "batch photos -o new --retries many": "--retries is 'many'",
+    "batch photos other/photos -o new": "would both be",
+    "batch photos -o out/twin.xml": "is a file",
+    "batch photos -o new --parts 0": "--parts is 0", "completion": "got 0 paths",
+    "completion tcsh": "'tcsh' is not known", "doctor now": "got 1 paths",
     "capture note.txt new": "note.txt", "capture note.txt new --views none": "--views is 'none'",
 }  # fmt: skip
 
@@ -129,6 +136,7 @@ WORDS = {
 @pytest.mark.parametrize("words", WORDS)
 def test_words(tmp_path, refused, words):
     (tmp_path / "photos").mkdir()
+    (tmp_path / "other/photos").mkdir(parents=True)
     (tmp_path / "note.txt").write_text("a note")
     refused(*words.split(), says=(WORDS[words],))
 
