@@ -24,7 +24,7 @@ NEEDED_MEMORY = 4 << 30  # bytes: a build of 64 + 64 photos of 512 pixels stays 
 LIBRARIES = {"GL": "libgl1", "OpenGL": "libopengl0", "X11": "libx11-6", "EGL": "libegl1"}
 # Extras: what they are for, and the package that proves them.
 EXTRAS = {"photos": ("pycolmap", "scene, build of plain photos"),
-          "masks": ("onnxruntime", "--mask-model"),
+          "view": ("viser", "view, build --view"), "masks": ("onnxruntime", "--mask-model"),
           "usd": ("usd-core", "export --format usd"), "gpu": ("gsplat", "rendering on a GPU"),
           "batch": ("ray", "batch --on ray"), "slurm": ("submitit", "batch --on slurm")}
 GL_SECONDS = 60  # the first EGL context of a machine compiles shaders
