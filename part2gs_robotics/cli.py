@@ -14,12 +14,15 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from types import FrameType
-from typing import cast, get_args
+from typing import TYPE_CHECKING, cast, get_args
 
 from part2gs_robotics import __version__
 from part2gs_robotics.config import Config, resolve
 from part2gs_robotics.errors import ConfigError, Part2GSError
 from part2gs_robotics.flags import ALWAYS, COMMANDS, Call, Format, command_options, parse
+
+if TYPE_CHECKING:
+    from part2gs_robotics.ci import Wishes
 
 OK, FAILED, BAD_INPUT, OUR_BUG, INTERRUPTED = 0, 1, 2, 3, 130  # see flags.EXIT_CODES; 128 + SIGINT
 
@@ -118,18 +121,38 @@ def _batch(call: Call) -> int:
 
 
 def _check(call: Call) -> int:
+    from part2gs_robotics.ci import check_assets
     from part2gs_robotics.report.ci import formatted
     from part2gs_robotics.runtime.log import logging_to
-    from part2gs_robotics.sim_checks import check
     from part2gs_robotics.sim_checks.result import format_text
 
+    own = {option.name for option in COMMANDS["check"].extra}
+    config: Config = resolve({k: v for k, v in call.flags.items() if k not in own})
+    wishes = _wishes(call, config.check.sweep_values)
     kind = str(call.flags.get("format", "json" if call.flags.get("json") else "text"))
-    config: Config = resolve({k: v for k, v in call.flags.items() if k != "format"})
     with logging_to(None, config.output.quiet, config.output.verbose):
-        report = check(Path(call.paths[0]), steps=config.check.sweep_values)
-    text = format_text(report) if kind == "text" else formatted(report.to_dict(), kind)
+        reports = check_assets([Path(path) for path in call.paths], wishes)
+    text = ("\n".join(map(format_text, reports)) if kind == "text"
+            else formatted([report.to_dict() for report in reports], kind))
     sys.stdout.write(text.rstrip() + "\n")
-    return report.exit_code
+    return max(report.exit_code for report in reports)
+
+
+def _wishes(call: Call, steps: int) -> Wishes:
+    """Return how `check` is to check."""
+    from part2gs_robotics.ci import Wishes
+    from part2gs_robotics.ci.accepted import reasons_of
+
+    flags = call.flags
+    for name in ("samples", "jobs"):
+        if cast(int, flags.get(name, 0)) < 0:
+            raise ConfigError(f"command line: --{name} is {flags[name]}. Expected a whole number "
+                              "from 0 up; see part2gs-robot check --help.")
+    cache, baseline = (Path(str(flags[key])) if flags.get(key) else None
+                       for key in ("cache", "baseline"))
+    return Wishes(steps, cast(int, flags.get("samples", 0)), cast(int, flags.get("jobs", 0)), cache,
+                  reasons_of(cast("tuple[str, ...]", flags.get("disable") or ())), baseline,
+                  bool(flags.get("write_baseline")))
 
 
 def _explain(call: Call) -> int:

@@ -14,7 +14,7 @@ from part2gs_robotics.config import PRESETS, Option, Value, convert, options
 from part2gs_robotics.errors import ConfigError
 
 Place = Literal["local", "ray", "slurm"]
-Told = Literal["text", "json", "junit", "sarif", "github"]
+Told = Literal["text", "json", "junit", "sarif", "github", "html"]
 Format = Literal["mjcf", "urdf", "usd", "sdf", "glb", "ros"]
 
 
@@ -52,6 +52,10 @@ def _capture(name: str, kind: type, default: Value, doc: str) -> Option:
     return Option(name, ("capture",), (kind,), default, doc)
 
 
+def _check(name: str, kind: type, default: Value, doc: str) -> Option:
+    return Option(name, ("check",), (kind,), default, doc)
+
+
 # What each command does, its paths, the rooms whose settings it takes, and flags of its own.
 COMMANDS = {
     "build": Command("two-state photos in, MuJoCo-checked twin out", ("SCENE",),
@@ -72,10 +76,20 @@ COMMANDS = {
                              "killed or broke; a refused scene is not tried again")),
                      many=True, examples=("batch scenes/*/ -o twins/ --preset draft",
                                           "batch scenes/*/ -o twins/ --on ray --workers 8")),
-    "check": Command("the simulator checks alone, on a twin folder or MJCF file", ("PATH",),
-                     ("check",), (Option("format", ("check",), (Told,), "text",
-                                         "how to say it: for people, programs or CI"),),
-                     examples=("check out/", "check robot.xml --format junit > checks.xml")),
+    "check": Command("the simulator checks alone, on twin folders or MJCF files", ("PATH",),
+                     ("check",),
+                     (Option("format", ("check",), (Told,), "text",
+                             "how to say it: for people, programs or CI"),
+                      _check("samples", int, 0, "draws of the joints from their standard "
+                             "deviations: how likely they are free of collision"),
+                      _check("jobs", int, 0, "assets at a time; 0 = one a core"),
+                      _check("cache", str, None, "folder of earlier results, by content"),
+                      _check("disable", list, None, "id of a check whose failures do not count, "
+                             "and why; may be given several times"),
+                      _check("baseline", str, None, "file of known failures, which do not count"),
+                      _check("write_baseline", bool, False, "write what fails into --baseline")),
+                     many=True, examples=("check out/", "check twins/* --format junit > checks.xml",
+                                          "check twins/* --cache .checks --samples 100")),
     "explain": Command("what a check of `check` looks at, its threshold, what mends it", ("ID",),
                        (), examples=("explain overlap",)),
     "export": Command("write a twin folder's twin as MJCF, URDF, USD, SDFormat, glTF or for ROS 2",
@@ -118,6 +132,7 @@ COMMANDS = {
                        examples=("capture door.xml scene/ --views 64 --state hinge=0,1.2",)),
 }
 ALWAYS = ("quiet", "verbose", "json")
+WORDS = {"state": "JOINT=Q0,Q1", "disable": "ID=REASON"}  # of flags that may be given again
 SHORT = {"out": ["-o"], "scale": ["--meters-per-unit"]}  # further spellings
 FIRST_EXAMPLES = (
     "build closed/ open/ -o out/   photos of an object closed and open, to a twin in MuJoCo",
@@ -210,7 +225,7 @@ def _add_flag(group: argparse._ArgumentGroup, option: Option) -> None:
     elif get_origin(kind) is tuple:
         group.add_argument(*names, type=_number, nargs=3, metavar=("X", "Y", "Z"), help=text)
     elif kind is list:
-        group.add_argument(*names, action="append", metavar="JOINT=Q0,Q1", help=text)
+        group.add_argument(*names, action="append", metavar=WORDS[option.name], help=text)
     else:
         number = kind in (int, float)
         group.add_argument(*names, type=_number if number else str, metavar=values, help=text)

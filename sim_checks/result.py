@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 from part2gs_robotics.agree.catalogue import CHECKS
 from part2gs_robotics.agree.finding import CheckResult as CheckResult
@@ -104,18 +105,37 @@ def format_text(report: CheckReport) -> str:
     """Return the report as lines for a terminal, failures last so that they stay in sight."""
     order = {"skipped": 0, "pass": 1, "warn": 2, "incomplete": 3, "fail": 4}
     lines = [f"{report.path} ({report.engine}, {report.seconds:.1f} s)"]
-    for r in sorted(report.results, key=lambda r: order[r.status]):
-        numbers = "" if r.value is None else f" {r.value:.4g}"
-        numbers += "" if r.limit is None else f" (limit {r.limit:.4g})"
-        unit = f" {r.unit}" if r.unit and numbers else ""
-        lines.append(
-            f"  {r.status:<10} {r.name:<16} {r.subject:<18}{numbers}{unit}  {r.detail}".rstrip()
-        )
-        lines += [f"             cause: {r.cause}"] if r.cause else []
+    lines += [format_row(r) for r in sorted(report.results, key=lambda r: order[r.status])]
     lines += [f"  note: {note}" for note in report.notes]
     lines += [f"  joint {name}: {report.verdict(name)}" for name in report.joints]
     lines.append(f"  verdict: {'pass' if report.ok else 'FAIL'}")
     return "\n".join(lines) + "\n"
+
+
+def format_row(r: CheckResult) -> str:
+    """Return one row as text, its cause on a line of its own."""
+    numbers = "" if r.value is None else f" {r.value:.4g}"
+    numbers += "" if r.limit is None else f" (limit {r.limit:.4g})"
+    unit = f" {r.unit}" if r.unit and numbers else ""
+    line = f"  {r.status:<10} {r.name:<16} {r.subject:<18}{numbers}{unit}  {r.detail}".rstrip()
+    return f"{line}\n             cause: {r.cause}" if r.cause else line
+
+
+def report_of(tree: Mapping[str, Any]) -> CheckReport:
+    """Return the report that `CheckReport.to_dict` wrote.
+
+    Raises:
+        KeyError, TypeError: the tree is something else.
+    """
+    rows = tuple(CheckResult(*(row[key] for key in (
+        "check", "subject", "status", "value", "limit", "unit", "note", "cause")))
+        for row in tree["checks"])
+    curves = tuple(Curve(c["joint"], *(tuple(c[key]) for key in (
+        "positions", "overlap_volume", "overlap_depth", "contact_depth"))) for c in tree["curves"])
+    return CheckReport(
+        tree["path"], tree["engine"], rows, tuple(tree["joints"]), curves, tuple(tree["losses"]),
+        tuple(tree["pieces"]), tuple(tree["notes"]), tree["seconds"],
+        float("nan") if tree["size"] is None else tree["size"])
 
 
 def with_causes(rows: Iterable[CheckResult]) -> list[CheckResult]:

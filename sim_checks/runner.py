@@ -123,8 +123,7 @@ def _files(path: Path) -> tuple[Path | None, list[Path], TwinSummary | None]:
 
 def _files_rows(folder: Path, compiled: dict[str, mujoco.MjModel]) -> list[CheckResult]:
     """Return what the files of a twin folder say against each other."""
-    from part2gs_robotics.agree import agreement
-    from part2gs_robotics.agree.folder import further
+    from part2gs_robotics.agree.folder import agreement, further
 
     for name, kind in further(folder).items():
         if kind == "sdf":

@@ -2,9 +2,5 @@
 
 In: a twin folder, its MJCF files compiled. Out: rows (`finding.CheckResult`), each with what was
 found, what is allowed, and what to change in which file.
-Call: `agreement`.
+Call: `folder.agreement`.
 """
-
-from part2gs_robotics.agree.folder import agreement
-
-__all__ = ["agreement"]

@@ -136,6 +136,12 @@ CHECKS = {
                   "9.81 m/s2 along -up in scene units", "correct <option> in scene.xml"),
     "clear world": _x("ground and other things of scene.xml do not touch the twin", "no contact",
                       "move the ground away from the twin"),
+    "chance free": _x("of joints drawn from their standard deviations, the share free of overlap "
+                      "in their ranges (--samples)", "0.9, and overlap's 0.2 %: a warning only",
+                      "give more photos of that joint, or carve more room around its part"),
+    "chance reached": _x("of joints drawn from their standard deviations, the share that finds a "
+                         "free way from state 0 to state 1 (--samples)", "0.9: a warning only",
+                         "give more photos of that joint, or carve more room around its part"),
 }  # fmt: skip
 
 

@@ -1,35 +1,37 @@
-"""What a check says, for machines that run it: JSON, JUnit, SARIF 2.1.0, GitHub's annotations."""
+"""What checks say to machines: JSON, JUnit, SARIF 2.1.0, GitHub's annotations, a page."""
 
 from __future__ import annotations
 
 import json
 import re
 import xml.etree.ElementTree as ET
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import cast
+from urllib.parse import quote
 
-Row = Mapping[str, object]
-BAD = ("fail", "incomplete")
+from part2gs_robotics import __version__
+from part2gs_robotics.report.check_html import check_html
+from part2gs_robotics.report.lines import Row, place
+
+Tree = Mapping[str, object]
 LEVELS = {"fail": "error", "incomplete": "error", "warn": "warning"}
-FILE = re.compile(r"[\w./-]+\.(?:xml|urdf|yaml|obj|mtl|sdf|glb|usd)\b")
 SCHEMA = "https://json.schemastore.org/sarif-2.1.0.json"
 # Characters that XML 1.0 has no way to write.
 UNWRITTEN = re.compile(r"[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
-MOST_BYTES = 1 << 20  # of a file that is searched for a line; longer ones hold numbers
 
 
-def formatted(tree: Mapping[str, object], kind: str) -> str:
-    """Return a report in one of FORMATS.
+def formatted(trees: Sequence[Tree], kind: str) -> str:
+    """Return the reports of one or more assets in one of FORMATS.
 
     Args:
-        tree: of `CheckReport.to_dict`.
-        kind: json, junit, sarif or github.
+        trees: of `CheckReport.to_dict`.
+        kind: json, junit, sarif, github or html.
     """
-    return FORMATS[kind](tree)
+    return FORMATS[kind](trees)
 
 
-def _rows(tree: Mapping[str, object]) -> list[Row]:
+def _rows(tree: Tree) -> list[Row]:
     return cast("list[Row]", tree["checks"])
 
 
@@ -41,83 +43,88 @@ def _said(row: Row) -> str:
     return "; ".join(filter(None, (measured, str(row["note"]), cause)))
 
 
-def place(tree: Mapping[str, object], row: Row) -> tuple[str, int]:
-    """Return the file a row is about, from the checked folder, and the line of its part or joint.
-
-    The first line that names the part; 1 where there is none.
-    """
-    path = Path(str(tree["path"]))
-    text = f"{row['subject']} {row['cause']}"
-    found = FILE.search(text)
-    name = path.name if path.suffix else found[0] if found else "twin.xml"
-    file = path if path.suffix else path / name
-    wanted = str(row["subject"]).rpartition(" ")[2]
-    try:
-        if not wanted or file.stat().st_size > MOST_BYTES:
-            return name, 1
-        lines = file.read_text("utf-8", "replace").splitlines()
-    except OSError:
-        return name, 1
-    quoted = re.compile(rf"""["': ]{re.escape(wanted)}(?:["'\s]|$)""")
-    return name, next((i for i, line in enumerate(lines, 1) if quoted.search(line)), 1)
+def _json(trees: Sequence[Tree]) -> str:
+    """Return the report of one asset as it is, of several as a list."""
+    return json.dumps(trees[0] if len(trees) == 1 else {"assets": list(trees)}, indent=1,
+                      allow_nan=False)
 
 
-def _json(tree: Mapping[str, object]) -> str:
-    return json.dumps(tree, indent=1, allow_nan=False)
-
-
-def _junit(tree: Mapping[str, object]) -> str:
-    rows = _rows(tree)
-    count = {"tests": len(rows), "failures": sum(r["status"] == "fail" for r in rows),
-             "errors": sum(r["status"] == "incomplete" for r in rows),
-             "skipped": sum(r["status"] == "skipped" for r in rows)}
-    totals = {key: str(n) for key, n in count.items()} | {"time": str(tree["seconds"])}
-    root = ET.Element("testsuites", {"name": "part2gs-robot check", **totals})
-    suite = ET.SubElement(root, "testsuite", {"name": _clean(str(tree["path"])), **totals})
-    for row in rows:
-        case = ET.SubElement(suite, "testcase", classname=str(row["id"]),
-                             name=_clean(str(row["name"])), time="0")
-        tag = {"fail": "failure", "incomplete": "error", "skipped": "skipped"}.get(
-            str(row["status"]))
-        if tag:
-            said = _clean(_said(row))
-            found = ET.SubElement(case, tag, message=said)
-            found.text = None if tag == "skipped" else said
-        elif row["status"] == "warn":
-            ET.SubElement(case, "system-out").text = _clean(_said(row))
+def _junit(trees: Sequence[Tree]) -> str:
+    counts = [_counts(_rows(tree)) for tree in trees]
+    total = {key: str(sum(c[key] for c in counts)) for key in ("tests", "failures", "errors")}
+    seconds = sum(cast(float, tree["seconds"]) for tree in trees)
+    root = ET.Element("testsuites", {"name": "part2gs-robot check", **total,
+                                     "time": f"{seconds:.3f}"})
+    for tree, count in zip(trees, counts, strict=True):
+        suite = ET.SubElement(root, "testsuite", {
+            "name": _clean(str(tree["path"])), **{key: str(n) for key, n in count.items()},
+            "time": f"{cast(float, tree['seconds']):.3f}"})
+        for row in _rows(tree):
+            _case(suite, row)
     ET.indent(root)
     return '<?xml version="1.0" encoding="UTF-8"?>\n' + ET.tostring(root, "unicode")
+
+
+def _counts(rows: list[Row]) -> dict[str, int]:
+    return {"tests": len(rows), "failures": sum(r["status"] == "fail" for r in rows),
+            "errors": sum(r["status"] == "incomplete" for r in rows),
+            "skipped": sum(r["status"] == "skipped" for r in rows)}
+
+
+def _case(suite: ET.Element, row: Row) -> None:
+    case = ET.SubElement(suite, "testcase", classname=str(row["id"]),
+                         name=_clean(str(row["name"])), time="0")
+    tag = {"fail": "failure", "incomplete": "error", "skipped": "skipped"}.get(str(row["status"]))
+    said = _clean(_said(row))
+    if tag:
+        found = ET.SubElement(case, tag, message=said)
+        found.text = None if tag == "skipped" else said
+    elif row["status"] == "warn":
+        ET.SubElement(case, "system-out").text = said
 
 
 def _clean(text: str) -> str:
     return UNWRITTEN.sub("?", text)
 
 
-def _sarif(tree: Mapping[str, object]) -> str:
-    rows = [r for r in _rows(tree) if r["status"] in LEVELS]
-    rules = sorted({str(r["id"]) for r in rows})
+def _sarif(trees: Sequence[Tree]) -> str:
+    told = [(tree, row) for tree in trees for row in _rows(tree) if row["status"] in LEVELS]
+    rules = sorted({str(row["id"]) for _, row in told})
     results = []
-    for row in rows:
-        file, line = place(tree, row)
-        where = {"artifactLocation": {"uri": file}, "region": {"startLine": line}}
+    for tree, row in told:
+        file, line = _where(tree, row)
+        where = {"artifactLocation": {"uri": _uri(file)}, "region": {"startLine": line}}
         results.append({"ruleId": row["id"], "ruleIndex": rules.index(str(row["id"])),
                         "level": LEVELS[str(row["status"])],
                         "message": {"text": f"{row['subject']}: {_said(row)}"},
                         "locations": [{"physicalLocation": where}]})
-    driver = {"name": "part2gs-robot", "rules": [{"id": rule} for rule in rules]}
+    driver = {"name": "part2gs-robot", "version": __version__,
+              "rules": [{"id": rule} for rule in rules]}
     run = {"tool": {"driver": driver}, "results": results}
     return json.dumps({"$schema": SCHEMA, "version": "2.1.0", "runs": [run]}, indent=1)
 
 
-def _github(tree: Mapping[str, object]) -> str:
+def _where(tree: Tree, row: Row) -> tuple[Path, int]:
+    """Return the file of a row as it is found from here, and the line."""
     path = Path(str(tree["path"]))
+    file, line = place(tree, row)
+    return (path if path.suffix else path / file), line
+
+
+def _uri(file: Path) -> str:
+    """Return a reference: relative ones are those that code scanning shows beside the file."""
+    return file.as_uri() if file.is_absolute() else quote(file.as_posix())
+
+
+def _github(trees: Sequence[Tree]) -> str:
     lines = []
-    for row in _rows(tree):
-        if row["status"] in LEVELS:
-            file, line = place(tree, row)
-            where = str(path if path.suffix else path / file)
-            lines.append(f"::{LEVELS[str(row['status'])]} file={_escaped(where, ',:')},line={line},"
-                         f"title={_escaped(str(row['name']), ',:')}::{_escaped(_said(row), '')}")
+    for tree in trees:
+        for row in _rows(tree):
+            if row["status"] in LEVELS:
+                file, line = _where(tree, row)
+                lines.append(f"::{LEVELS[str(row['status'])]} file={_escaped(str(file), ',:')},"
+                             f"line={line},title={_escaped(str(row['name']), ',:')}"
+                             f"::{_escaped(_said(row), '')}")
     return "\n".join(lines)
 
 
@@ -128,5 +135,5 @@ def _escaped(text: str, more: str) -> str:
     return text
 
 
-FORMATS: dict[str, Callable[[Mapping[str, object]], str]] = {
-    "json": _json, "junit": _junit, "sarif": _sarif, "github": _github}
+FORMATS: dict[str, Callable[[Sequence[Tree]], str]] = {
+    "json": _json, "junit": _junit, "sarif": _sarif, "github": _github, "html": check_html}

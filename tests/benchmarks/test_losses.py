@@ -20,6 +20,7 @@ def test_every_breakage_is_seen_by_the_measure_meant_for_it(load, monkeypatch) -
     script = load("losses_vs_physics")
     monkeypatch.setattr(script, "SIZES", np.array([2.0, 16.0]))
     monkeypatch.setattr(script, "PAIR_POINTS", 200)
+    monkeypatch.setattr(load("losses_ranks"), "DRAWS", 20)
     rows = script.twin_rows(toy_cabinet_twin(2), "toy")
     assert len(rows) == 2 * 4 * len({r["part"] for r in rows})
     assert all(row["motion"] > 0 for row in rows)

@@ -26,6 +26,8 @@ MAY = {
     "exporters": "model runtime", "report": "model runtime",
     "agree": "exporters model runtime",
     "sim_checks": "agree collision exporters model runtime", "capture": "sim_checks model",
+    "chance": "sim_checks agree collision exporters model runtime",
+    "ci": "chance sim_checks report agree exporters model runtime",
     "salient": "model", "photos": "salient readers model runtime",
     "view": "exporters sim_checks model runtime",
     "commands": "photos readers model runtime",
@@ -38,6 +40,9 @@ ALONE = {  # from that room, these files alone
     ("sim_checks", "exporters"): {"twin_yaml"},
     ("sim_checks", "collision"): {"depth"},
     ("sim_checks", "agree"): {"__init__", "catalogue", "finding", "folder"},
+    ("chance", "collision"): {"depth"}, ("chance", "agree"): {"finding"},
+    ("chance", "exporters"): {"read_twin"},
+    ("chance", "sim_checks"): {"geometry", "interpenetration", "subject"},
     ("capture", "sim_checks"): {"model_files", "engine"},
     ("view", "exporters"): {"read_twin"}, ("view", "sim_checks"): {"model_files"},
 }  # fmt: skip
