@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import logging
-import re
 import sys
 import time
 from collections.abc import Callable
@@ -19,9 +18,9 @@ from part2gs_robotics.errors import FitError, StoreError
 from part2gs_robotics.model.gaussians import Gaussians
 from part2gs_robotics.model.motion import Motion
 from part2gs_robotics.model.scene import Scene, StateViews
-from part2gs_robotics.model.scene_frame import frame_of, internal, parts_in_scene
+from part2gs_robotics.model.scene_frame import frame_of, internal
 from part2gs_robotics.model.twin import Part, Texture, Twin
-from part2gs_robotics.outputs import BuildResult, write_outputs
+from part2gs_robotics.outputs import BuildResult, Told, twin_in_scene, twin_name, write_outputs
 from part2gs_robotics.plan import make_plan, settle_plan
 from part2gs_robotics.readers.read_scene import read_scene
 from part2gs_robotics.render.pick_device import describe, pick_device
@@ -45,9 +44,11 @@ from part2gs_robotics.view.training import Training, watched
 
 if TYPE_CHECKING:
     from part2gs_robotics.evidence.canonical import Canonical
+    from part2gs_robotics.sim_checks.result import CheckReport
     from part2gs_robotics.view.training import Training
 
 T = TypeVar("T")
+Written = tuple["CheckReport", str]  # and a summary for people
 COMPILE_WORTH_A_WORD = 0.5  # seconds: less is a kernel or two that this scene alone needs
 logger = logging.getLogger(__name__)
 
@@ -133,28 +134,51 @@ class _Corridor:
         gaussians = (fits[0][0], fits[1][0])
         motion, key = self._articulate(gaussians, keys)
         motion, parts, key = self._mesh(gaussians, motion, key)
-        if self.config.texture.texture:
-            parts = self._texture(gaussians, parts, key)
-        plan = settle_plan(plan, gaussians, motion, parts, self.config.articulate.paper_mode)
-        named = self.scene.path.resolve()
-        # a scene made of plain photos lies in the output folder, which says what it shows
-        named = self.store.out.resolve() if named.parent == self.store.out.resolve() else named
-        name = re.sub(r"[^a-z0-9_]+", "_", named.name.lower()).strip("_")
-        twin = Twin(name or "twin", parts, self.scene.meters_per_unit, self.scene.up,
+        name = twin_name(self.scene.path.resolve(), self.store.out.resolve())
+        twin = Twin(name, parts, self.scene.meters_per_unit, self.scene.up,
                     (*self.scene.notes, *motion.notes))
-        twin = self._scaled(self._in_scene(self._separate(twin)))
-        began = time.monotonic()
-        result = BuildResult(self.scene, self.frame, (fits[0], fits[1]), motion, twin, plan,
-                             self.config, self.seconds)
-        with self.store.new_files() as folder:
-            report, summary = write_outputs(folder, self.store.out, result)
-        self._done("export and check", time.monotonic() - began,
-                   "checks pass" if report.ok else "checks FAIL")
+        told = Told(plan, (fits[0], fits[1]), motion, key)
+        bare = self._separate(twin)
+        report, summary = self._mended(bare, told, self._written(bare, told))
         if self.config.output.json:
             sys.stdout.write((self.store.out / "report.json").read_text("utf-8"))
         elif not self.config.output.quiet:
             sys.stdout.write(summary)
         return report.exit_code
+
+    def _written(self, bare: Twin, told: Told) -> Written:
+        """Give the twin its looks and scale; write and check it."""
+        gaussians = told.fits[0][0], told.fits[1][0]
+        parts = bare.parts
+        if self.config.texture.texture:
+            parts = self._texture(gaussians, parts, told.key)
+        plan = settle_plan(told.plan, gaussians, told.motion, parts,
+                           self.config.articulate.paper_mode)
+        twin = twin_in_scene(replace(bare, parts=parts), self.frame, self.metres, self.config)
+        began = time.monotonic()
+        result = BuildResult(self.scene, self.frame, told.fits, told.motion, twin, plan,
+                             self.config, self.seconds)
+        with self.store.new_files() as folder:
+            report, summary = write_outputs(folder, self.store.out, result)
+        self._done("export and check", time.monotonic() - began,
+                   "checks pass" if report.ok else "checks FAIL")
+        return report, summary
+
+    def _mended(self, bare: Twin, told: Told, written: Written) -> Written:
+        """Give the evidence of failed checks back to the meshes, and write what comes of it."""
+        from part2gs_robotics.mend import mendable, mended
+
+        if not mendable(written[0]):
+            return written
+        began = time.monotonic()
+        twin, notes = mended(bare)
+        self._done("mend", time.monotonic() - began, f"{len(notes)} rounds")
+        for note in notes:
+            logger.info("%s", note)
+        if twin is bare:
+            return written
+        return self._written(replace(twin, notes=(*twin.notes, *notes)),
+                             replace(told, key=hash_of("mend", told.key, notes)))
 
     def _fit(self, index: int) -> tuple[Fitted, str]:
         state = self.scene.states[index]
@@ -254,22 +278,6 @@ class _Corridor:
         if self.config.read.known_length is not None:
             return self.config.read.known_length / longest_side(twin)
         return self.frame.unit * (self.metres or self.frame.assumed_meters)
-
-    def _in_scene(self, twin: Twin) -> Twin:
-        """Return a twin of internal units in the scene's own."""
-        parts = parts_in_scene(twin.parts, self.frame, self.config.articulate.paper_mode)
-        return replace(twin, parts=parts, meters_per_unit=self.metres,
-                       assumed_meters=self.frame.assumed_meters)
-
-    def _scaled(self, twin: Twin) -> Twin:
-        """Return the twin with scale and material, and say whether anybody knows them."""
-        from part2gs_robotics.model.scale import with_scale
-
-        read = self.config.read
-        twin = with_scale(replace(twin, material=read.material), read.known_length)
-        level = logging.WARNING if twin.meters_per_unit is None else logging.INFO
-        logger.log(level, "%s", twin.notes[-1])
-        return twin
 
     def _stage(self, name: str, key: str, compute: Callable[[], T], save: Callable[[T], Saved],
                load: Callable[[Saved], T], number: Callable[[T], str]) -> T:

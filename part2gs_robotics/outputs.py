@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import logging
+import re
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
 from importlib import import_module
@@ -18,9 +20,9 @@ from part2gs_robotics.errors import StoreError
 from part2gs_robotics.model.gaussians import Gaussians, Splats
 from part2gs_robotics.model.kinematics import facing, part_motions
 from part2gs_robotics.model.motion import Motion
-from part2gs_robotics.model.scale import ASSUMED
+from part2gs_robotics.model.scale import ASSUMED, with_scale
 from part2gs_robotics.model.scene import Scene
-from part2gs_robotics.model.scene_frame import SceneFrame, gaussians_in_scene
+from part2gs_robotics.model.scene_frame import SceneFrame, gaussians_in_scene, parts_in_scene
 from part2gs_robotics.model.se3 import inverse, inverses
 from part2gs_robotics.model.solids import bounds
 from part2gs_robotics.model.twin import Twin
@@ -32,6 +34,7 @@ from part2gs_robotics.sim_checks.result import CheckReport, CheckResult
 from part2gs_robotics.stages import Fitted
 
 PICTURES = 3  # held-out photos of each state in the report: sides of the object
+logger = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
@@ -59,6 +62,16 @@ class BuildResult:
     seconds: dict[str, float]
 
 
+@dataclass(frozen=True)
+class Told:
+    """What is settled before the twin is written: plan, fits, motion, and the meshes' key."""
+
+    plan: Plan
+    fits: tuple[Fitted, Fitted]
+    motion: Motion
+    key: str
+
+
 def write_outputs(folder: Path, out: Path, result: BuildResult) -> tuple[CheckReport, str]:
     """Write every file of the twin folder; returns the checks and a summary for people.
 
@@ -84,6 +97,29 @@ def write_outputs(folder: Path, out: Path, result: BuildResult) -> tuple[CheckRe
     report = with_failed(replace(checked, path=str(out)), result.motion)
     write_report(folder, _told(result, report, splats))
     return report, _summary(out, twin, report)
+
+
+def twin_name(scene: Path, out: Path) -> str:
+    """Return a file-safe name: the scene's, or the output folder's where the scene lies in it.
+
+    A scene made of plain photos lies in the output folder, which says what it shows.
+    """
+    named = out if scene.parent == out else scene
+    return re.sub(r"[^a-z0-9_]+", "_", named.name.lower()).strip("_") or "twin"
+
+
+def twin_in_scene(twin: Twin, frame: SceneFrame, metres: float | None, config: Config) -> Twin:
+    """Return a twin of internal units in the scene's own, with scale and material.
+
+    The log says whether anybody knows the scale.
+    """
+    parts = parts_in_scene(twin.parts, frame, config.articulate.paper_mode)
+    twin = replace(twin, parts=parts, meters_per_unit=metres, assumed_meters=frame.assumed_meters,
+                   material=config.read.material)
+    twin = with_scale(twin, config.read.known_length)
+    level = logging.WARNING if twin.meters_per_unit is None else logging.INFO
+    logger.log(level, "%s", twin.notes[-1])
+    return twin
 
 
 def with_failed(report: CheckReport, motion: Motion) -> CheckReport:

@@ -46,6 +46,19 @@ def toy_cabinet_twin(moving: int = 2, *, clearance: float = 0.003, refine: float
     return Twin("toy_cabinet", parts, meters_per_unit=1.0, up=np.array([0.0, 0.0, 1.0]))
 
 
+def lumpy_cabinet(deep: float) -> Twin:
+    """Return a cabinet whose drawer meets a lump of its bay, `deep` units, on its way out only."""
+    from part2gs_robotics.model.solids import to_manifold
+
+    twin = toy_cabinet_twin(1)
+    lump = box((0.48, WALL - 0.001, 0.1), (0.495, WALL + 0.003 + deep, 0.14))
+    # where the lump is in state 0, the drawer has a notch
+    drawer = to_manifold(twin.parts[1].mesh) - box((0.45, 0.0, 0.05), (0.6, 0.1, 0.2))
+    base = to_manifold(twin.parts[0].mesh) + lump
+    return replace(twin, parts=(replace(twin.parts[0], mesh=to_mesh(base)),
+                                replace(twin.parts[1], mesh=to_mesh(drawer))))
+
+
 def scaled(twin: Twin, factor: float) -> Twin:
     """Return the same object in a unit `factor` times smaller."""
     parts = []

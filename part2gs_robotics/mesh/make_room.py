@@ -49,7 +49,7 @@ def all_apart(surfaces: Sequence[Manifold], pieces: Sequence[Sequence[Manifold]]
             always, along = _swept(other, part, kept[other], place, voxel)
             near = _Tools(along).near(out[part], kept[part])
             tools = _Tools([*always, *(near if part == 0 else _yielding(out[part], near))])
-            cut = _without(out[part], tools.near(out[part], kept[part]), part, voxel)
+            cut = without(out[part], tools.near(out[part], kept[part]), part, voxel)
             if cut is out[part]:
                 continue
             out[part] = cut
@@ -112,8 +112,15 @@ def without_bits(solid: Manifold) -> Manifold:
     return manifold3d.Manifold.compose(kept)
 
 
-def _without(solid: Manifold, tools: list[Manifold], part: int, voxel: float) -> Manifold:
-    """Return a solid without what the tools take, closed."""
+def without(solid: Manifold, tools: list[Manifold], part: int, voxel: float) -> Manifold:
+    """Return a solid without what the tools take, closed; itself if they take nothing.
+
+    Args:
+        solid: part, closed.
+        tools: in its frame.
+        part: its number, for the log.
+        voxel: what is far smaller is tidied away, scene units.
+    """
     rest = _rest(solid, tools)
     if rest is solid or rest.is_empty():
         return solid

@@ -27,6 +27,7 @@ MAY = {
     "agree": "exporters model runtime",
     "sim_checks": "agree collision exporters model runtime", "capture": "sim_checks model",
     "chance": "sim_checks agree collision exporters model runtime",
+    "mend": "mesh sim_checks collision exporters model runtime",
     "ci": "chance sim_checks report agree exporters model runtime",
     "salient": "model", "photos": "salient readers model runtime",
     "view": "exporters sim_checks model runtime",
@@ -43,6 +44,8 @@ ALONE = {  # from that room, these files alone
     ("chance", "collision"): {"depth"}, ("chance", "agree"): {"finding"},
     ("chance", "exporters"): {"read_twin"},
     ("chance", "sim_checks"): {"geometry", "interpenetration", "subject"},
+    ("mend", "mesh"): {"make_room"}, ("mend", "exporters"): {"mjcf"},
+    ("mend", "collision"): {"depth"}, ("mend", "sim_checks"): {"__init__", "geometry", "result"},
     ("capture", "sim_checks"): {"model_files", "engine"},
     ("view", "exporters"): {"read_twin"}, ("view", "sim_checks"): {"model_files"},
 }  # fmt: skip
