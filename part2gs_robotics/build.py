@@ -137,8 +137,7 @@ class _Corridor:
         name = twin_name(self.scene.path.resolve(), self.store.out.resolve())
         twin = Twin(name, parts, self.scene.meters_per_unit, self.scene.up,
                     (*self.scene.notes, *motion.notes))
-        told = Told(plan, (fits[0], fits[1]), motion, key)
-        bare = self._separate(twin)
+        told, bare = Told(plan, (fits[0], fits[1]), motion, key), self._separate(twin)
         report, summary = self._mended(bare, told, self._written(bare, told))
         if self.config.output.json:
             sys.stdout.write((self.store.out / "report.json").read_text("utf-8"))
@@ -148,12 +147,11 @@ class _Corridor:
 
     def _written(self, bare: Twin, told: Told) -> Written:
         """Give the twin its looks and scale; write and check it."""
-        gaussians = told.fits[0][0], told.fits[1][0]
-        parts = bare.parts
+        gaussians, parts = (told.fits[0][0], told.fits[1][0]), bare.parts
         if self.config.texture.texture:
             parts = self._texture(gaussians, parts, told.key)
-        plan = settle_plan(told.plan, gaussians, told.motion, parts,
-                           self.config.articulate.paper_mode)
+        paper = self.config.articulate.paper_mode
+        plan = settle_plan(told.plan, gaussians, told.motion, parts, paper)
         twin = twin_in_scene(replace(bare, parts=parts), self.frame, self.metres, self.config)
         began = time.monotonic()
         result = BuildResult(self.scene, self.frame, told.fits, told.motion, twin, plan,
@@ -168,17 +166,12 @@ class _Corridor:
         """Give the evidence of failed checks back to the meshes, and write what comes of it."""
         from part2gs_robotics.mend import mendable, mended
 
-        if not mendable(written[0]):
-            return written
-        began = time.monotonic()
-        twin, notes = mended(bare)
-        self._done("mend", time.monotonic() - began, f"{len(notes)} rounds")
-        for note in notes:
-            logger.info("%s", note)
-        if twin is bare:
-            return written
-        return self._written(replace(twin, notes=(*twin.notes, *notes)),
-                             replace(told, key=hash_of("mend", told.key, notes)))
+        twin, rounds = mended(bare) if mendable(written[0]) else (bare, ())
+        for number, (note, seconds) in enumerate(rounds, 1):
+            self._done(f"mend {number}", seconds, note)
+        notes = tuple(note for note, _ in rounds)
+        twin, key = replace(twin, notes=(*bare.notes, *notes)), hash_of("mend", told.key, notes)
+        return self._written(twin, replace(told, key=key)) if rounds else written
 
     def _fit(self, index: int) -> tuple[Fitted, str]:
         state = self.scene.states[index]

@@ -14,6 +14,7 @@ from part2gs_robotics.model.twin import Twin
 from part2gs_robotics.sim_checks import check
 from part2gs_robotics.sim_checks.result import CheckReport
 
+Round = tuple[str, float]  # a sentence, and seconds
 MOST_ROUNDS = 3  # shallow overlap is gone after one or two; what is left after three stays
 
 
@@ -22,37 +23,35 @@ def mendable(report: CheckReport) -> bool:
     return bool(failing(report))
 
 
-def mended(twin: Twin) -> tuple[Twin, tuple[str, ...]]:
-    """Return the twin, carved where its parts overlap, and a sentence for every round.
+def mended(twin: Twin) -> tuple[Twin, tuple[Round, ...]]:
+    """Return the twin, carved where its parts overlap, and what every round brought.
+
+    A round that makes nothing better is taken back, and is the last.
 
     Args:
         twin: whose checks fail, in any unit; textures of carved parts are gone.
     """
     began = time.monotonic()
-    report, notes = _draft(twin), list[str]()
-    for number in range(1, MOST_ROUNDS + 1):
+    report, rounds = _draft(twin), list[Round]()
+    size = size_of(tuple(part.mesh for part in twin.parts))
+    while failing(report) and len(rounds) < MOST_ROUNDS:
         evidence = evidence_of(twin, report)
-        trial = carved(twin, evidence) if evidence else twin
-        if all(a is b for a, b in zip(trial.parts, twin.parts, strict=True)):
-            break
+        trial = carved(twin, evidence)
         after = _draft(trial)
-        before, now = (max(failing(r).values(), default=0.0) for r in (report, after))
-        size = size_of(tuple(part.mesh for part in twin.parts))
-        notes.append(_said(number, len(evidence), (before / size, now / size),
-                           time.monotonic() - began))
+        before, now = (max(failing(r).values(), default=0.0) / size for r in (report, after))
+        rounds.append((_said(len(rounds) + 1, len(evidence), (before, now)),
+                       time.monotonic() - began))
         if now >= before:
-            notes.append(f"Mending, round {number}: no better, taken back.")
             break
         twin, report, began = trial, after, time.monotonic()
-        if not failing(report):
-            break
-    return twin, tuple(notes)
+    return twin, tuple(rounds)
 
 
-def _said(number: int, places: int, depths: tuple[float, float], seconds: float) -> str:
+def _said(number: int, places: int, depths: tuple[float, float]) -> str:
     left = f"{depths[1]:.2%} of the size" if depths[1] else "nothing beyond what is allowed"
+    taken = ", taken back" if depths[1] >= depths[0] else ""
     return (f"Mending, round {number}: parts overlapped by {depths[0]:.2%} of the size; carved at "
-            f"{places} poses, left {left}, {seconds:.1f} s.")
+            f"{places} poses, left {left}{taken}.")
 
 
 def _draft(twin: Twin) -> CheckReport:

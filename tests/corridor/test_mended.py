@@ -39,4 +39,4 @@ def test_a_twin_is_written_again_only_where_its_parts_overlapped(
     assert not mendable(report)
     assert len(corridor.keys) == len(set(corridor.keys)) == (2 if lump else 1)
     assert ("Mending, round 1" in summary) == bool(lump)
-    assert ("mend" in corridor.seconds) == bool(lump)
+    assert ("mend 1" in corridor.seconds) == bool(lump)
