@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from part2gs_robotics.mend.evidence import Evidence
+from part2gs_robotics.mend.evidence import Evidence, copies
 from part2gs_robotics.mesh.make_room import without
 from part2gs_robotics.model.kinematics import part_transforms
 from part2gs_robotics.model.se3 import inverse
@@ -34,11 +34,11 @@ def carved(twin: Twin, evidence: Sequence[Evidence]) -> Twin:
     it was made for, colours of corners stay.
     """
     size = size_of(tuple(part.mesh for part in twin.parts))
-    solids = [to_manifold(part.mesh) for part in twin.parts]
+    solids, seen = [to_manifold(part.mesh) for part in twin.parts], copies(twin)
     tools: dict[int, list[Manifold]] = {}
     for found in evidence:
         poses = part_transforms(twin, found.positions)
-        placed = [place(solids[i], poses[i]) for i in found.pair]
+        placed = [place(seen[i], poses[i]) for i in found.pair]
         yields = found.pair[0]
         if 0 not in found.pair and solids[found.pair[1]].volume() > solids[yields].volume():
             yields = found.pair[1]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from itertools import combinations
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -11,8 +12,12 @@ from part2gs_robotics.collision.depth import depth
 from part2gs_robotics.model.kinematics import moving_parts, part_transforms
 from part2gs_robotics.model.solids import size_of, to_manifold
 from part2gs_robotics.model.twin import Twin
-from part2gs_robotics.sim_checks.geometry import overlap, place
+from part2gs_robotics.sim_checks.geometry import lighter, overlap, place
 from part2gs_robotics.sim_checks.result import CheckReport
+from part2gs_robotics.sim_checks.subject import SWEEP_TOLERANCE
+
+if TYPE_CHECKING:
+    from manifold3d import Manifold
 
 ROWS = ("overlap", "observed state")  # checks whose failures carving can mend
 SHALLOW = 0.03  # of the size: deeper is a wrong joint or a part in another's way, never carved
@@ -35,6 +40,13 @@ class Evidence:
     depth: float
 
 
+def copies(twin: Twin) -> list[Manifold]:
+    """Return the parts' solids as the check takes them: dense ones simplified."""
+    size = size_of(tuple(part.mesh for part in twin.parts))
+    return [lighter(to_manifold(part.mesh), SWEEP_TOLERANCE * size)[0].as_original()
+            for part in twin.parts]
+
+
 def failing(report: CheckReport) -> dict[str, float]:
     """Return the depth of overlap by what each failing row is about; "" = joints together."""
     return {row.subject: row.value for row in report.results
@@ -50,7 +62,7 @@ def evidence_of(twin: Twin, report: CheckReport) -> list[Evidence]:
     """
     rows = failing(report)
     size = size_of(tuple(part.mesh for part in twin.parts))
-    solids = [to_manifold(part.mesh).as_original() for part in twin.parts]
+    solids = copies(twin)
     found = []
     for positions in _poses(twin, rows, _waiting(report)):
         poses = part_transforms(twin, positions)

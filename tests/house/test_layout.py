@@ -45,7 +45,8 @@ ALONE = {  # from that room, these files alone
     ("chance", "exporters"): {"read_twin"},
     ("chance", "sim_checks"): {"geometry", "interpenetration", "subject"},
     ("mend", "mesh"): {"make_room"}, ("mend", "exporters"): {"mjcf"},
-    ("mend", "collision"): {"depth"}, ("mend", "sim_checks"): {"__init__", "geometry", "result"},
+    ("mend", "collision"): {"depth"}, ("mend", "sim_checks"): {
+        "__init__", "geometry", "result", "subject"},
     ("capture", "sim_checks"): {"model_files", "engine"},
     ("view", "exporters"): {"read_twin"}, ("view", "sim_checks"): {"model_files"},
 }  # fmt: skip
