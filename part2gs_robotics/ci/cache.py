@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, cast
 
 from part2gs_robotics.errors import CheckError
 from part2gs_robotics.runtime.atomic import write_text_atomic
-from part2gs_robotics.runtime.hashing import code_version, hash_of
+from part2gs_robotics.runtime.hashing import code_version, engine_versions, hash_of
 
 if TYPE_CHECKING:
     from part2gs_robotics.sim_checks.result import CheckReport
@@ -25,8 +25,6 @@ def key_of(path: Path, *wishes: object) -> str:
         path: asset; a single file stands for all files of its folder, which it may name.
         wishes: further arguments of the check.
     """
-    from part2gs_robotics.report.report_json import engine_versions
-
     root = path if path.is_dir() else path.parent
     files = sorted(file for file in root.rglob("*") if file.is_file()
                    and file.relative_to(root).parts[0] not in NEVER_READ)

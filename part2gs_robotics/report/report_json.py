@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Iterator, Mapping
-from importlib import metadata
 from pathlib import Path
 
 import numpy as np
@@ -16,15 +15,10 @@ from part2gs_robotics.model.twin import Part
 from part2gs_robotics.report.data import ReportData, assumed_numbers, check_rows
 from part2gs_robotics.report.html import render_html
 from part2gs_robotics.report.verdict import sentences
+from part2gs_robotics.runtime.hashing import engine_versions
 from part2gs_robotics.runtime.store import write_text_atomic
 
 __all__ = ["ReportData", "engine_versions", "report_json", "write_report"]
-
-# Everything whose version can change a number of the report.
-ENGINES = (
-    "mujoco", "manifold3d", "trimesh", "pymeshlab", "numpy", "numba", "torch", "scipy",
-    "scikit-image",
-)  # fmt: skip
 
 
 def write_report(folder: Path, data: ReportData) -> None:
@@ -60,17 +54,6 @@ def report_json(data: ReportData, assumed: tuple[str, ...]) -> dict[str, object]
         "notes": list(dict.fromkeys((*data.twin.notes, *data.notes))),
         "exit_code": data.exit_code,
     }
-
-
-def engine_versions() -> dict[str, str]:
-    """Return the installed version of every package that can change a number."""
-    found = {}
-    for name in ENGINES:
-        try:
-            found[name] = metadata.version(name)
-        except metadata.PackageNotFoundError:
-            found[name] = "not installed"
-    return found
 
 
 def _twin_yaml(folder: Path) -> object:

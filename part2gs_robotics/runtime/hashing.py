@@ -7,6 +7,7 @@ import json
 import re
 from collections.abc import Mapping
 from functools import cache
+from importlib import metadata
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -15,6 +16,11 @@ import numpy as np
 PACKAGE = "part2gs_robotics"
 ROOT = Path(__file__).resolve().parents[1]
 BESIDE = ("exporters", "sim_checks")  # rooms that a checkout keeps beside the package, not in it
+# Everything whose version can change a number of the report.
+ENGINES = (
+    "mujoco", "manifold3d", "trimesh", "pymeshlab", "numpy", "numba", "torch", "scipy",
+    "scikit-image",
+)  # fmt: skip
 _IMPORT = re.compile(rf"^(?:from|import) +{PACKAGE}\b([.\w]*)", re.MULTILINE)
 
 
@@ -47,6 +53,17 @@ def code_version() -> str:
     a sign once a stage uses one of them. Installed or in a checkout, the same code has one hash.
     """
     return hash_of_code({"": ROOT, **{name: _folder_of(name) for name in BESIDE}})
+
+
+def engine_versions() -> dict[str, str]:
+    """Return the installed version of every package that can change a number."""
+    found = {}
+    for name in ENGINES:
+        try:
+            found[name] = metadata.version(name)
+        except metadata.PackageNotFoundError:
+            found[name] = "not installed"
+    return found
 
 
 def hash_of_code(folders: Mapping[str, Path]) -> str:
