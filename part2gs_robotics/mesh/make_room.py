@@ -70,7 +70,7 @@ def base_apart(base: Manifold, part: int, pieces: Sequence[Manifold], place: Pla
         voxel: size of the grid's cells, scene units.
     """
     always, along = _swept(part, 0, _fewer(pieces, voxel), place, voxel)
-    return _without(base, _Tools([*always, *along]).near(base, ()), 0, voxel)
+    return without(base, _Tools([*always, *along]).near(base, ()), 0, voxel)
 
 
 def _fewer(pieces: Sequence[Manifold], voxel: float) -> list[Manifold]:
