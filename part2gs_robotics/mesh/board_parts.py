@@ -15,11 +15,12 @@ from part2gs_robotics.boards.outlines import Outlines
 from part2gs_robotics.boards.rest import with_rest
 from part2gs_robotics.evidence.edges import bundled, edge_families
 from part2gs_robotics.evidence.segments import segments_of
+from part2gs_robotics.mesh.bend import Bend
 from part2gs_robotics.mesh.make_room import all_apart, without_bits
 from part2gs_robotics.mesh.see_through import missed, unstopped
 from part2gs_robotics.mesh.shut import shut
 from part2gs_robotics.mesh.surface import arrays, closed_surface, flaw, vertices_apart
-from part2gs_robotics.mesh.to_outlines import to_outlines
+from part2gs_robotics.mesh.to_outlines import moved_pieces, to_outlines
 from part2gs_robotics.model.arrays import F32, F64, Mask
 from part2gs_robotics.model.kinematics import chain, sweep
 from part2gs_robotics.model.scene import Scene
@@ -62,8 +63,9 @@ def edge_directions(scene: Scene, place: Place) -> list[F64]:
 
 
 def board_surfaces(place: Place, evidence: Sequence[Fused], wholes: Sequence[Solid],
-                   maps: Sequence[PartMaps], edges: Sequence[F64]) -> list[Manifold]:
-    """Return the closed surfaces of all parts as solids of flat faces, base first.
+                   maps: Sequence[PartMaps],
+                   edges: Sequence[F64]) -> tuple[list[Manifold], list[Bend]]:
+    """Return the closed surfaces of all parts, base first, and how each was bent out of flat faces.
 
     Args:
         place: joints, and the part that carries each.
@@ -86,10 +88,11 @@ def board_surfaces(place: Place, evidence: Sequence[Fused], wholes: Sequence[Sol
               in zip(boards, smooth, missed(boards, place, maps), strict=True)]
     surfaces = [_closed(board, smooth[k][0], k) for k, board in enumerate(boards)]
     voxel = wholes[0].grid.voxel
-    surfaces, pieces = to_outlines(surfaces, [board.pieces for board in boards], place, maps, voxel)
+    surfaces, bends = to_outlines(surfaces, place, maps, voxel)
+    pieces = [moved_pieces(board.pieces, bend) for board, bend in zip(boards, bends, strict=True)]
     apart = all_apart(surfaces, pieces, place, voxel)
     apart = shut(apart, pieces, place, maps, voxel)
-    return [_plain(surface, voxel) for surface in apart]
+    return [_plain(surface, voxel) for surface in apart], bends
 
 
 def _plain(surface: Manifold, voxel: float) -> Manifold:

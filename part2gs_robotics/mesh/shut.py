@@ -36,7 +36,7 @@ SAME = np.cos(np.deg2rad(2.0))  # normals of one wall, as vertices moved onto ou
 ACROSS = 0.5  # length across the axis of a normal that an angle can be told of
 LEVEL = 0.03  # of a normal along the axis, by which two walls that meet may differ: 2 degrees
 WALL = 0.1  # of a part's surface that looks one way; a door's face is 0.2 to 0.5
-PLANE = 0.03  # of the base's, likewise; a cabinet's front edges are 0.05
+PLANE = 0.03  # of the base's, likewise; the front edges of a body of boards are 0.05
 BEYOND = np.deg2rad(1.5)  # past flush, where a part must run into the base: as sure as planes are
 SUNK = 0.01  # of what the part passes there: doors and lids had 0.04 to 0.5, in the air 0.001
 STEP = np.deg2rad(1.0)  # between places on the way at which seen points are looked for
@@ -167,7 +167,9 @@ def _in_the_way(base: Manifold, pieces: Sequence[Manifold], place: Place,
 def _seen(base: Manifold, maps: Sequence[PartMaps], voxel: float) -> F64:
     """Return points of the base's surface that photos of either state saw."""
     points, _ = arrays(base.refine_to_length(2 * voxel))
-    votes = [observe(points, one.maps, NOISE * voxel).surface for one in maps]
+    own = [replace(one.maps, depths=np.where(one.labels == 0, one.maps.depths, np.float32(0)))
+           for one in maps]  # what lies behind a door lies near it as well
+    votes = [observe(points, one, NOISE * voxel).surface for one in own]
     return points[np.maximum(*votes) >= VOTES]
 
 

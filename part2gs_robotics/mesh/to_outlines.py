@@ -1,8 +1,9 @@
 """To outlines: surfaces moved until all photos see them end where their masks do.
 
 Every vertex may move; neighbours, along the surface and through it, move alike, so that a wall
-stays as thick as it is and what no outline tells follows what some do. Gauss-Newton, one sparse
-linear system per part and round.
+stays as thick as it is and what no outline tells follows what some do. What is flat stays flat: a
+board is bent by little, and is one convex piece still. Gauss-Newton, one sparse linear system per
+part and round.
 """
 
 from __future__ import annotations
@@ -12,8 +13,9 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.sparse import coo_matrix, csr_matrix, diags, identity, kron
+from scipy.sparse import coo_matrix, csr_matrix, diags, identity
 
+from part2gs_robotics.mesh.bend import Bend, covering
 from part2gs_robotics.mesh.silhouettes import Gaps, Shape, gaps, shape_of, together
 from part2gs_robotics.mesh.surface import arrays, flaw
 from part2gs_robotics.model.arrays import F32, F64, I64
@@ -31,13 +33,15 @@ ROUNDS = 4  # of moving and looking again; a fifth moves nothing that can be see
 TURNS = 2  # rounds in which all photos are asked once: neighbouring photos say nearly the same
 STIFF = 1.0  # pull of neighbours, of a pixel's; 0.3 bends 1.3 times as much, 3 misses by 0.3 %
 AROUND = 8  # neighbours of a vertex in space: both sides of a wall
+FLAT = 30.0  # pull that keeps flat faces flat; 3 bends them by 0.15 degrees, 300 misses by 0.3 %
+WALL = 25.0  # faces of voxels from which on flat is no chance; with 100 the same comes out
+LEVEL = np.cos(np.deg2rad(1.0))  # of two triangles of one flat face: what is sharper bends
 FAR = 2.0  # voxels at which the pull through space has halved
 KNOWN = 0.05  # pull to where a vertex was, likewise; 0.01 and 0.3 end as near the masks
 CLEAR = 2.0  # pixels at which a gap counts a quarter; with 1 legs three pixels too long stay so
 MOST_STEP = 1.0  # voxels that a vertex moves per round: outlines are looked for as near
 CLOSE = 1e-2  # of its residual at which a system is solved: the next round looks again anyway
 MOST_TRIES = 300  # of the solver; systems of 50,000 vertices took 60
-BLEND = 4  # nearest vertices whose way a corner of a convex piece goes
 
 
 @dataclass(frozen=True)
@@ -53,14 +57,12 @@ class _Body:
         return replace(self.first, vertices=self.first.vertices + voxel * self.moved)
 
 
-def to_outlines(surfaces: Sequence[Manifold], pieces: Sequence[Sequence[Manifold]], place: Place,
-                maps: Sequence[PartMaps], voxel: float) -> tuple[list[Manifold],
-                                                                 list[list[Manifold]]]:
-    """Return all surfaces, and the convex pieces of each, moved onto the outlines of the masks.
+def to_outlines(surfaces: Sequence[Manifold], place: Place, maps: Sequence[PartMaps],
+                voxel: float) -> tuple[list[Manifold], list[Bend]]:
+    """Return all surfaces moved onto the outlines of the masks, and how each moved.
 
     Args:
         surfaces: closed, base first, in the world frame at state 0.
-        pieces: convex, per part: what it is the union of.
         place: of the parts in both states.
         maps: masks and cameras of both states.
         voxel: size of the grid's cells, scene units.
@@ -73,13 +75,19 @@ def to_outlines(surfaces: Sequence[Manifold], pieces: Sequence[Sequence[Manifold
         found = _looked(bodies, place, maps, voxel, turn % TURNS)
         bodies = [body if own is None else replace(body, moved=_moved(body, own, voxel))
                   for body, own in zip(bodies, found, strict=True)]
-    out, parts = [], []
-    for surface, own, body in zip(surfaces, pieces, bodies, strict=True):
+    out, bends = [], []
+    for surface, body in zip(surfaces, bodies, strict=True):
         moved = _surface(body.shape(voxel))
         closed = flaw(moved) is None
         out.append(moved if closed else surface)
-        parts.append(_pieces(own, body.first, voxel * body.moved) if closed else list(own))
-    return out, parts
+        bends.append(Bend(body.first.vertices, voxel * body.moved * closed))
+    return out, bends
+
+
+def moved_pieces(pieces: Sequence[Manifold], bend: Bend) -> list[Manifold]:
+    """Return convex pieces that went the way of their part's surface, and still cover it."""
+    corners = [bend.done(corners_of(piece)) for piece in pieces]
+    return [hull_of(own) for own in covering(corners, bend.points + bend.ways)]
 
 
 def _surface(shape: Shape) -> Manifold:
@@ -90,40 +98,11 @@ def _surface(shape: Shape) -> Manifold:
         np.ascontiguousarray(shape.vertices), np.ascontiguousarray(shape.faces, np.uint64)))
 
 
-def _pieces(pieces: Sequence[Manifold], shape: Shape, ways: F64) -> list[Manifold]:
-    """Return convex pieces of a part that went the way of the surface, and still cover it."""
-    from scipy.spatial import cKDTree
-
-    tree, near = cKDTree(shape.vertices), [*range(1, min(BLEND, len(shape.vertices)) + 1)]
-    corners = [corners_of(piece) for piece in pieces]
-    out = []
-    for own in corners:
-        distance, index = tree.query(own, k=near)
-        weight = 1.0 / np.maximum(distance, 1e-9)
-        way = np.einsum("vk,vkc->vc", weight, ways[index]) / weight.sum(1)[:, None]
-        out.append(own + way)
-    return [hull_of(own) for own in _covering(out, shape.vertices + ways)]
-
-
-def _covering(pieces: Sequence[F64], points: F64) -> list[F64]:
-    """Return corners [C, 3] of convex pieces, each with the points beyond all that are nearest."""
-    from scipy.spatial import ConvexHull, QhullError
-
-    beyond, nearest = np.full(len(points), np.inf), np.full(len(points), -1)
-    for i, corners in enumerate(pieces):
-        try:
-            planes = np.unique(ConvexHull(corners).equations, axis=0)
-        except QhullError:  # thinner than rounding
-            continue
-        far = (points @ planes[:, :3].T + planes[:, 3]).max(1)
-        nearer = far < beyond
-        beyond[nearer], nearest[nearer] = far[nearer], i
-    return [np.concatenate([corners, points[(nearest == i) & (beyond > 0)]])
-            for i, corners in enumerate(pieces)]
-
-
 def _ties(shape: Shape, voxel: float) -> csr_matrix:
-    """Return [V, V] how vertices pull at each other: along edges, and at those near in space."""
+    """Return [3 V, 3 V] how vertices pull at each other: along edges, and at those near in space.
+
+    Ends of an edge of a flat face are held the most along its normal: the face moves as one.
+    """
     from scipy.spatial import cKDTree
 
     count = len(shape.vertices)
@@ -132,10 +111,41 @@ def _ties(shape: Shape, voxel: float) -> csr_matrix:
     one = np.r_[shape.edges[:, 0], np.repeat(np.arange(count), near.shape[1] - 1)]
     two = np.r_[shape.edges[:, 1], near[:, 1:].ravel()]
     weight = np.r_[np.full(len(shape.edges), STIFF), pull]
-    rows, columns = np.r_[one, two, one, two], np.r_[one, two, two, one]
-    values = np.r_[weight, weight, -weight, -weight]
-    ties = coo_matrix((values, (rows, columns)), (count, count)) + KNOWN * identity(count)
-    return csr_matrix(ties)
+    ends, normals = _flat_edges(shape, WALL * voxel**2)
+    every = np.concatenate([weight[:, None, None] * np.eye(3),
+                            FLAT * normals[:, :, None] * normals[:, None]])
+    ties = _springs(np.r_[one, ends[:, 0]], np.r_[two, ends[:, 1]], every, count)
+    return csr_matrix(ties + KNOWN * identity(3 * count))
+
+
+def _springs(one: I64, two: I64, pull: F64, count: int) -> csr_matrix:
+    """Return [3 V, 3 V] of springs between vertices, each with a matrix [3, 3] of its pull."""
+    rows, columns = np.mgrid[:3, :3]
+    index, values = list[tuple[I64, I64]](), list[F64]()
+    for a, b, sign in ((one, one, 1.0), (two, two, 1.0), (one, two, -1.0), (two, one, -1.0)):
+        block = 3 * a[:, None, None] + rows, 3 * b[:, None, None] + columns
+        index.append((block[0].ravel(), block[1].ravel()))
+        values.append(sign * pull.ravel())
+    at = tuple(np.concatenate(side) for side in zip(*index, strict=True))
+    return coo_matrix((np.concatenate(values), at), (3 * count, 3 * count)).tocsr()
+
+
+def _flat_edges(shape: Shape, least: float) -> tuple[I64, F64]:
+    """Return ends [E, 2] of edges of flat faces of some area, and the normals [E, 3] of those."""
+    from scipy.sparse.csgraph import connected_components
+
+    tri = shape.vertices[shape.faces]
+    normals = np.cross(tri[:, 1] - tri[:, 0], tri[:, 2] - tri[:, 0])
+    areas = 0.5 * np.linalg.norm(normals, axis=1)
+    normals /= np.maximum(2 * areas, 1e-300)[:, None]
+    level = (normals[shape.sides[:, 0]] * normals[shape.sides[:, 1]]).sum(1) > LEVEL
+    one, two = shape.sides[level].T
+    beside = coo_matrix((np.ones(len(one)), (one, two)), (len(areas),) * 2)
+    number, face = connected_components(beside, directed=False)
+    wall = (np.bincount(face, areas, number) > least)[face]
+    both = [wall[shape.sides[:, side]] for side in (0, 1)]
+    ends = np.concatenate([shape.edges[own] for own in both])
+    return ends, np.concatenate([normals[shape.sides[own, side]] for side, own in enumerate(both)])
 
 
 def _looked(bodies: Sequence[_Body], place: Place, maps: Sequence[PartMaps], voxel: float,
@@ -184,8 +194,7 @@ def _moved(body: _Body, found: Gaps, voxel: float) -> F64:
     pull = coo_matrix((slopes.ravel(), (np.repeat(rows, 6), columns.ravel())),
                       (len(rows), count)).tocsr()
     weight = TURNS * found.lengths / (1.0 + (found.pixels / CLEAR) ** 2) ** 2
-    held = kron(body.ties, identity(3), "csr")
-    matrix = pull.T @ diags(weight) @ pull + held
-    right = pull.T @ (weight * found.pixels) - held @ body.moved.ravel()
+    matrix = pull.T @ diags(weight) @ pull + body.ties
+    right = pull.T @ (weight * found.pixels) - body.ties @ body.moved.ravel()
     step, _ = cg(matrix, right, rtol=CLOSE, maxiter=MOST_TRIES, M=diags(1 / matrix.diagonal()))
     return body.moved + np.clip(step.reshape(-1, 3), -MOST_STEP, MOST_STEP)

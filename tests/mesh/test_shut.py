@@ -40,11 +40,12 @@ def blind() -> Any:
     """Return maps of photos that saw nothing at all."""
     one = DepthMaps(np.zeros((1, 8, 8), np.float32), np.full((1, 8, 8), 255, np.uint8),
                     np.array([[[8.0, 0, 4], [0, 8, 4], [0, 0, 1]]]), np.eye(4)[None])
-    return SimpleNamespace(maps=one), SimpleNamespace(maps=one)
+    both = SimpleNamespace(maps=one, labels=np.zeros(one.depths.shape, np.uint8))
+    return both, both
 
 
-def looking(solid: Manifold) -> Any:
-    """Return maps of two photos that look along +y at the front of a solid."""
+def looking(solid: Manifold, label: int = 0) -> Any:
+    """Return maps of two photos that look along +y at the front of a solid, of a part."""
     from part2gs_robotics.mesh.surface import arrays
     from part2gs_robotics.render.mesh_depths import draw_depths
 
@@ -56,7 +57,8 @@ def looking(solid: Manifold) -> Any:
     seen = np.isfinite(depths)
     maps = DepthMaps(np.where(seen, depths, 0).astype(np.float32),
                      (255 * seen).astype(np.uint8), K, viewmats)
-    return SimpleNamespace(maps=maps), SimpleNamespace(maps=maps)
+    both = SimpleNamespace(maps=maps, labels=np.full(seen.shape, label, np.uint8))
+    return both, both
 
 
 def overlap_at(base: Manifold, door: Manifold, degrees: float) -> float:
@@ -80,6 +82,13 @@ def test_a_lump_that_photos_saw_stops_the_door() -> None:
     door = ajar(shut_door)
     cut, _ = shut([base, door], [[base], [door]], place(hinge()), looking(base), VOXEL)
     assert cut is base
+
+
+def test_what_photos_saw_of_the_door_beside_a_lump_is_no_lump() -> None:
+    base, shut_door = cabinet(0.04)
+    door = ajar(shut_door)
+    cut, _ = shut([base, door], [[base], [door]], place(hinge()), looking(base, 1), VOXEL)
+    assert cut.volume() < base.volume()
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])

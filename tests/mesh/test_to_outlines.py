@@ -10,13 +10,14 @@ import pytest
 from manifold3d import Manifold
 from toys import cameras
 
+from part2gs_robotics.collision.convex import convex_pieces
 from part2gs_robotics.evidence.depth_maps import DepthMaps
 from part2gs_robotics.mesh import silhouettes
 from part2gs_robotics.mesh.silhouettes import gaps, shape_of
 from part2gs_robotics.mesh.surface import arrays
-from part2gs_robotics.mesh.to_outlines import to_outlines
+from part2gs_robotics.mesh.to_outlines import moved_pieces, to_outlines
 from part2gs_robotics.model.arrays import F64
-from part2gs_robotics.model.solids import corners_of
+from part2gs_robotics.model.solids import corners_of, to_manifold, to_mesh
 from part2gs_robotics.render.mesh_depths import draw_depths
 
 SIDE, FINE, VOXEL = 192, 3, 0.03
@@ -55,15 +56,15 @@ def world(true: list[Manifold], moved: list[Manifold]) -> tuple[Any, Any]:
 def test_a_box_of_a_wrong_size_gets_that_of_its_masks(wide: float) -> None:
     true = Manifold.cube([1.0, 0.6, 0.8], True)
     given = true.scale([wide, 1.0, 1.0])
-    (fitted,), _ = to_outlines([given], [[]], place(np.eye(4)), world([true], [true]), VOXEL)
+    (fitted,), _ = to_outlines([given], place(np.eye(4)), world([true], [true]), VOXEL)
     wrong, left = ((one - true).volume() + (true - one).volume() for one in (given, fitted))
     assert left < 0.45 * wrong
 
 
 def test_what_already_ends_where_masks_do_stays() -> None:
     true = Manifold.cube([1.0, 0.6, 0.8], True)
-    (fitted,), ((piece,),) = to_outlines([true], [[true]], place(np.eye(4)),
-                                         world([true], [true]), VOXEL)
+    (fitted,), (bend,) = to_outlines([true], place(np.eye(4)), world([true], [true]), VOXEL)
+    (piece,) = moved_pieces([true], bend)
     apart = (fitted - true).volume() + (true - fitted).volume()
     assert apart < 0.06 * 0.024 * true.surface_area()  # 0.06 pixels all over
     assert piece.volume() == pytest.approx(true.volume(), rel=0.01)
@@ -75,7 +76,7 @@ def test_the_state_in_which_a_part_stands_free_tells_its_shape() -> None:
     given = true.scale([1.0, 1.06, 1.0])
     move = AWAY.copy()
     maps = world([block, true], [block, true.transform(move[:3])])
-    _, fitted = to_outlines([block, given], [[], []], place(np.eye(4), move), maps, VOXEL)[0]
+    _, fitted = to_outlines([block, given], place(np.eye(4), move), maps, VOXEL)[0]
     width = [np.ptp(arrays(solid)[0][:, 1]) for solid in (true, given, fitted)]
     assert abs(width[2] - width[0]) < 0.45 * abs(width[1] - width[0])
 
@@ -83,7 +84,7 @@ def test_the_state_in_which_a_part_stands_free_tells_its_shape() -> None:
 def test_what_no_photo_sees_stays_as_it_is() -> None:
     block, hidden = Manifold.cube([1.6, 1.6, 1.6], True), Manifold.cube([0.5, 0.5, 0.5], True)
     maps = world([block], [block])
-    same = to_outlines([block, hidden], [[], []], place(np.eye(4), np.eye(4)), maps, VOXEL)[0][1]
+    same = to_outlines([block, hidden], place(np.eye(4), np.eye(4)), maps, VOXEL)[0][1]
     assert np.abs(arrays(same)[0]).max() == 0.25
     assert same.volume() == pytest.approx(hidden.volume(), rel=1e-12)
 
@@ -92,8 +93,8 @@ def test_convex_pieces_still_cover_the_surface_that_moved() -> None:
     true = Manifold.cylinder(0.6, 0.8, 0.8, 48, True)
     given = Manifold.cube([1.55, 1.55, 0.6], True)
     halves = [given.trim_by_plane([sign, 0, 0], 0.0) for sign in (1.0, -1.0)]
-    (fitted,), (pieces,) = to_outlines([given], [halves], place(np.eye(4)),
-                                       world([true], [true]), VOXEL)
+    (fitted,), (bend,) = to_outlines([given], place(np.eye(4)), world([true], [true]), VOXEL)
+    pieces = moved_pieces(halves, bend)
     whole = Manifold.batch_boolean(pieces, manifold3d.OpType.Add)
     assert (given - fitted).volume() > 0.01  # its corners went
     assert (fitted - whole).volume() < 1e-4 * fitted.volume()
@@ -121,3 +122,24 @@ def test_slopes_are_how_gaps_change_as_the_part_moves(monkeypatch: pytest.Monkey
             assert np.abs(change - wanted)[near].max(initial=0) < 0.2
             compared += int((np.abs(wanted[near]) > 0.2).sum())
     assert compared > 30
+
+
+def test_what_was_bent_is_flat_again_once_moved_back() -> None:
+    true = Manifold.cylinder(0.6, 0.8, 0.8, 48, True)
+    given = Manifold.cube([1.55, 1.55, 0.6], True)
+    (fitted,), (bend,) = to_outlines([given], place(np.eye(4)), world([true], [true]), VOXEL)
+    back = bend.back(to_mesh(fitted))
+    assert np.abs(np.abs(back.vertices).max(0) - [0.775, 0.775, 0.3]).max() < 1e-9
+    assert len(convex_pieces(back, tolerance=VOXEL)) == 1
+    (moved,) = bend.pieces([to_mesh(given)], arrays(fitted)[0])
+    assert to_manifold(moved).volume() == pytest.approx(fitted.volume(), rel=0.1)
+
+
+def test_flat_faces_stay_flat_while_they_move() -> None:
+    true = Manifold.cube([1.0, 0.6, 0.8], True)
+    given = true.scale([1.05, 1.0, 1.0])
+    (fitted,), _ = to_outlines([given], place(np.eye(4)), world([true], [true]), VOXEL)
+    vertices, _ = arrays(fitted)
+    right = vertices[vertices[:, 0] > 0.45]
+    assert 0.5 - 0.01 < right[:, 0].min() <= right[:, 0].max() < 0.5 + 0.015
+    assert np.ptp(right[:, 0]) < 0.1 * 0.025  # of how far the face came
