@@ -158,6 +158,8 @@ def _range_note(part: Part) -> str:
         return ("covers both observed states, and beyond them what the closed meshes leave free; "
                 "at most 180 degrees unless both stops are found, or a fifth of a slide inside its "
                 "carrier")
+    if part.limits_source == "assumed":
+        return "set by hand"
     return "covers both observed states"
 
 

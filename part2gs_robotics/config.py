@@ -145,8 +145,9 @@ def resolve(flags: dict[str, Value], scene_yaml: dict[object, object] | None = N
     known = options()
     from_yaml = {_known_name(key, known, where): value for key, value in (scene_yaml or {}).items()}
     checked = {name: convert(known[name], value, where) for name, value in from_yaml.items()}
-    checked |= {name: convert(known[name], value, known[name].flag)
-                for name, value in flags.items()}
+    for given, value in flags.items():
+        name = _known_name(given, known, "settings")
+        checked[name] = convert(known[name], value, known[name].flag)
     preset = str(checked.get("preset", "standard"))
     if None not in (checked.get("scale"), checked.get("known_length")):
         raise ConfigError(f"{where} and flags: scale is {checked['scale']} and known_length is "

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, replace
 from importlib import import_module
 from pathlib import Path
@@ -80,16 +80,11 @@ def write_outputs(folder: Path, out: Path, result: BuildResult) -> tuple[CheckRe
         out: where they will lie, for texts.
         result: of the build.
     """
-    from part2gs_robotics.exporters.mjcf import write_mjcf
-    from part2gs_robotics.exporters.twin_yaml import write_twin_yaml
-    from part2gs_robotics.exporters.urdf import write_urdf
     from part2gs_robotics.sim_checks import check
 
     twin = result.twin
-    write_mjcf(twin, folder)
-    write_urdf(twin, folder)
-    write_twin_yaml(twin, folder, {"version": __version__, "layout": result.scene.layout,
-                                   "internal_frame": asdict(result.frame), **_counts(result)})
+    write_models(twin, folder, {"version": __version__, "layout": result.scene.layout,
+                                "internal_frame": asdict(result.frame), **_counts(result)})
     write_text_atomic(folder / "config.yaml",
                       yaml.safe_dump(to_dict(result.config), sort_keys=False))
     splats = _write_gaussians(folder, result)
@@ -120,6 +115,23 @@ def twin_in_scene(twin: Twin, frame: SceneFrame, metres: float | None, config: C
     level = logging.WARNING if twin.meters_per_unit is None else logging.INFO
     logger.log(level, "%s", twin.notes[-1])
     return twin
+
+
+def write_models(twin: Twin, folder: Path, extra: Mapping[str, object] | None = None) -> None:
+    """Write MJCF, URDF and `twin.yaml` of a twin, and the meshes they name.
+
+    Args:
+        twin: whose names, meshes and numbers all formats take.
+        folder: fresh folder the files go to.
+        extra: plain values of the build, for `twin.yaml`.
+    """
+    from part2gs_robotics.exporters.mjcf import write_mjcf
+    from part2gs_robotics.exporters.twin_yaml import write_twin_yaml
+    from part2gs_robotics.exporters.urdf import write_urdf
+
+    write_mjcf(twin, folder)
+    write_urdf(twin, folder)
+    write_twin_yaml(twin, folder, extra)
 
 
 def with_failed(report: CheckReport, motion: Motion) -> CheckReport:

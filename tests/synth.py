@@ -159,6 +159,21 @@ def _door(gap: float) -> Part:
     return union_part("part_2", 0, boxes, joint, (0.0, 1.5), (40, 80, 200))
 
 
+def handled_door_twin() -> Twin:
+    """Return the cabinet with a bow of boxes on its door: 20 mm wide, 40 mm in front of it."""
+    twin = toy_cabinet_twin(2)
+    door, front = twin.parts[2], SIZE[0] + 0.003 + WALL
+    bow: list[tuple[Corner, Corner]] = [
+        ((front - 0.001, 0.53, 0.5), (front + 0.04, 0.55, 0.52)),
+        ((front - 0.001, 0.53, 0.68), (front + 0.04, 0.55, 0.7)),
+        ((front + 0.025, 0.53, 0.5), (front + 0.04, 0.55, 0.7)),
+    ]
+    low, high = door.mesh.vertices.min(0), door.mesh.vertices.max(0)
+    leaf = ((low[0], low[1], low[2]), (high[0], high[1], high[2]))
+    held = union_part("part_2", 0, [leaf, *bow], door.joint, door.limits, (40, 80, 200))
+    return replace(twin, parts=(*twin.parts[:2], held))
+
+
 def _lever(gap: float) -> Part:
     front = SIZE[0] + gap + WALL + gap
     centre = np.array([front, 0.5, 0.6])

@@ -49,7 +49,8 @@ class Part:
         mesh: visual mesh.  pieces: convex collision pieces (world frame at state 0).
         joint: None for the base; axis and origin in the world frame at state 0.
         limits: joint range [2] covering 0 and joint.value.
-        limits_source: measured (the observed states) | derived (as far as nothing is in the way).
+        limits_source: measured (the observed states) | derived (as far as nothing is in the way) |
+            assumed (set by hand).
         num_gaussians: Gaussians of both states that carry this identity.
         diagnostics: losses and residuals of the optimiser for this part (contact_loss,
             vector_field_loss, motion_residual, ...), reported beside the measured overlap.
