@@ -2,8 +2,8 @@
 
     python examples/gym_env.py out/demo part_1      # needs: pip install 'part2gs-robotics[gym]'
 
-Joints count in shares of their ranges, 0 closed to 1. Observation: positions, speeds per second, and
-the goal. Action: where every servo goes, -1 to 1 over its range. Reward: minus the distance to go.
+Joints count in shares of their ranges, 0 to 1. Observation: positions, speeds per second, and the
+goal. Action: where every servo goes, -1 to 1 over its range. Reward: minus the distance to go.
 """
 
 import sys
