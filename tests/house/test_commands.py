@@ -7,6 +7,7 @@ import shlex
 import shutil
 import tomllib
 from collections.abc import Callable, Iterator
+from importlib.util import find_spec
 from pathlib import Path
 from typing import get_args
 
@@ -80,6 +81,9 @@ def of_pip(words: list[str]) -> None:
 
 
 def of_python(words: list[str]) -> None:
+    if words[0] == "-m":
+        assert find_spec(words[1]), f"no module {words[1]}"
+        return
     script = ROOT / words[0]
     assert script.is_file(), f"no file {words[0]}"
     near = "".join(path.read_text() for path in (script, script.with_name("cases.py"))

@@ -40,7 +40,7 @@ def spans(text: str) -> list[str]:
 def names() -> dict[str, list[Path]]:
     """Return every Python file of the repository by its bare name."""
     found: dict[str, list[Path]] = {}
-    for folder in (*CODE, "benchmarks", "tests", "launch"):
+    for folder in (*CODE, "benchmarks", "tests", "launch", "examples"):
         for path in (ROOT / folder).rglob("*.py"):
             found.setdefault(path.name, []).append(path)
     return found
