@@ -159,19 +159,29 @@ def _door(gap: float) -> Part:
     return union_part("part_2", 0, boxes, joint, (0.0, 1.5), (40, 80, 200))
 
 
-def handled_door_twin() -> Twin:
-    """Return the cabinet with a bow of boxes on its door: 20 mm wide, 40 mm in front of it."""
+def handled_twin() -> Twin:
+    """Return the cabinet with bows of boxes to pull: upright on its door, level on its drawer."""
     twin = toy_cabinet_twin(2)
-    door, front = twin.parts[2], SIZE[0] + 0.003 + WALL
-    bow: list[tuple[Corner, Corner]] = [
-        ((front - 0.001, 0.53, 0.5), (front + 0.04, 0.55, 0.52)),
-        ((front - 0.001, 0.53, 0.68), (front + 0.04, 0.55, 0.7)),
-        ((front + 0.025, 0.53, 0.5), (front + 0.04, 0.55, 0.7)),
-    ]
-    low, high = door.mesh.vertices.min(0), door.mesh.vertices.max(0)
-    leaf = ((low[0], low[1], low[2]), (high[0], high[1], high[2]))
-    held = union_part("part_2", 0, [leaf, *bow], door.joint, door.limits, (40, 80, 200))
-    return replace(twin, parts=(*twin.parts[:2], held))
+    x, door = SIZE[0], SIZE[0] + 0.003 + WALL  # the fronts
+    upright = [((door - 0.001, 0.53, low), (door + 0.04, 0.55, low + 0.02)) for low in (0.5, 0.68)]
+    level = [((x - 0.001, low, 0.2), (x + 0.04, low + 0.02, 0.22)) for low in (0.2, 0.38)]
+    bows = {1: [*level, ((x + 0.025, 0.2, 0.2), (x + 0.04, 0.4, 0.22))],
+            2: [*upright, ((door + 0.025, 0.53, 0.5), (door + 0.04, 0.55, 0.7))]}
+    return replace(twin, parts=tuple(_with_boxes(part, bows.get(index, []))
+                                     for index, part in enumerate(twin.parts)))
+
+
+def _with_boxes(part: Part, boxes: list[tuple[Corner, Corner]]) -> Part:
+    import manifold3d
+
+    from part2gs_robotics.model.solids import to_manifold
+
+    color = part.mesh.colors[0].tolist()
+    solids = [box(low, high) for low, high in boxes]
+    whole = manifold3d.Manifold.batch_boolean([to_manifold(part.mesh), *solids],
+                                              manifold3d.OpType.Add)
+    return replace(part, mesh=to_mesh(whole, color),
+                   pieces=(*part.pieces, *(to_mesh(solid, color) for solid in solids)))
 
 
 def _lever(gap: float) -> Part:

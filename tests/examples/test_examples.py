@@ -14,7 +14,7 @@ import mujoco
 import numpy as np
 import pytest
 import yaml
-from synth import handled_door_twin, toy_cabinet_twin
+from synth import handled_twin, toy_cabinet_twin
 from synth_photos import write_ball_scene
 
 from part2gs_robotics import api
@@ -37,7 +37,7 @@ def example() -> Callable[[str], ModuleType]:
 @pytest.fixture(scope="module")
 def twin(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("twin") / "out"
-    assert api.write_twin(handled_door_twin(), folder) == (), "nothing to repair"
+    assert api.write_twin(handled_twin(), folder) == (), "nothing to repair"
     return folder
 
 
@@ -89,8 +89,12 @@ def test_a_gripper_opens_the_door(example, tmp_path: Path, twin: Path, metres: f
         from synth import scaled
 
         twin = tmp_path / "out"
-        api.write_twin(scaled(handled_door_twin(), 1 / metres), twin)
+        api.write_twin(scaled(handled_twin(), 1 / metres), twin)
     assert example("open_door").main(twin, "part_2", 30.0) == pytest.approx(30.0, abs=2.0)
+
+
+def test_a_gripper_pulls_a_drawer(example, twin: Path) -> None:
+    assert example("open_door").main(twin, "part_1", 0.15) == pytest.approx(0.15, abs=0.01)
 
 
 def test_a_gripper_that_does_not_close_opens_nothing(example, twin: Path, monkeypatch) -> None:

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from synth import handled_door_twin
+from synth import handled_twin
 
 from part2gs_robotics import api
 
@@ -40,7 +40,7 @@ def test_it_is_kept_without_what_cells_printed() -> None:
 
 
 def test_every_cell_runs(tmp_path: Path, monkeypatch, capsys) -> None:
-    api.write_twin(handled_door_twin(), tmp_path / "out")
+    api.write_twin(handled_twin(), tmp_path / "out")
     monkeypatch.setenv("TWIN", str(tmp_path / "out"))
     names: dict[str, object] = {}
     shown = [run("".join(cell["source"]), names) for cell in cells() if cell["cell_type"] == "code"]

@@ -13,7 +13,7 @@ from typing import get_args
 
 import pytest
 import yaml
-from synth import handled_door_twin
+from synth import handled_twin
 
 from part2gs_robotics import api, cli
 from part2gs_robotics.config import resolve
@@ -207,7 +207,7 @@ def test_a_planted_mention_is_found(span: str) -> None:
 def folder(ball_scene: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Return a folder with what commands on pages name: a scene, and a twin with a door."""
     path = tmp_path_factory.mktemp("user")
-    api.write_twin(handled_door_twin(), path / "out")
+    api.write_twin(handled_twin(), path / "out")
     shutil.copytree(ball_scene, path / "scene")
     return path
 
