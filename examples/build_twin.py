@@ -19,8 +19,10 @@ def main(scene: Path, out: Path) -> int:
         print(f"error: {err}")
         return 2
     twin = api.read_twin(out)
-    for part in twin.parts[1:]:  # part 0 is the base
+    for part in twin.parts:
         joint = part.joint
+        if joint is None:  # the base
+            continue
         print(f"{part.name} on {twin.parts[part.parent].name}: {joint.kind}, axis "
               f"{joint.axis.round(3)}, {joint.value:+.3f} between the states, range "
               f"{part.limits[0]:.3f} to {part.limits[1]:.3f} ({part.limits_source})")

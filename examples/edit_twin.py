@@ -15,13 +15,14 @@ def main(folder: Path, edited: Path) -> int:
     twin = api.read_twin(folder)
 
     # A twin is frozen dataclasses: what changes is made anew, the rest is shared.
-    first = next(index for index, part in enumerate(twin.parts) if part.joint is not None)
-    part = twin.parts[first]
-    observed = sorted((0.0, part.joint.value))  # rad or scene units; 0 is state 0
-    stopped = replace(part, name="front", limits=tuple(observed),
+    base, part, *others = twin.parts
+    if part.joint is None:
+        raise SystemExit(f"{folder}: nothing moves")
+    low, high = sorted((0.0, part.joint.value))  # what was observed, rad or scene units
+    stopped = replace(part, name="front", limits=(low, high),
                       limits_source="assumed")  # provenance in twin.yaml: set by hand
-    twin = replace(twin, name="kitchen_thing", material="1050",  # kg/m3, or a name such as plastic
-                   parts=(*twin.parts[:first], stopped, *twin.parts[first + 1:]))
+    twin = replace(twin, name="kitchen_thing", parts=(base, stopped, *others),
+                   material="1050")  # kg/m3, or a name such as plastic
 
     # Masses, inertias, friction and servos follow from meshes, scale and material.
     for repaired in api.write_twin(twin, edited):

@@ -30,7 +30,8 @@ class TwinEnv(gymnasium.Env):
 
     metadata = {"render_modes": ["rgb_array"], "render_fps": 50}  # noqa: RUF012 - Gymnasium's way
 
-    def __init__(self, folder, part="part_1", render_mode=None):
+    def __init__(self, folder: str | Path, part: str = "part_1",
+                 render_mode: str | None = None) -> None:
         self.model = mujoco.MjModel.from_xml_path(str(Path(folder) / "scene.xml"))
         self.data = mujoco.MjData(self.model)
         self.part = self.model.actuator(f"{part}_servo").id
@@ -41,9 +42,11 @@ class TwinEnv(gymnasium.Env):
         count = len(joints)
         self.observation_space = gymnasium.spaces.Box(-MOST, MOST, (2 * count + 1,), np.float32)
         self.action_space = gymnasium.spaces.Box(-1.0, 1.0, (count,), np.float32)
-        self.render_mode, self.renderer = render_mode, None
+        self.render_mode = render_mode
+        self.renderer: mujoco.Renderer | None = None
 
-    def reset(self, *, seed=None, options=None):
+    def reset(self, *, seed: int | None = None,
+              options: dict[str, object] | None = None) -> tuple[np.ndarray, dict[str, object]]:
         """Start in state 0 of the photos, with a new goal in the part's range."""
         super().reset(seed=seed)
         mujoco.mj_resetDataKeyframe(self.model, self.data, self.model.key("state_0").id)
@@ -52,7 +55,7 @@ class TwinEnv(gymnasium.Env):
         self.count = 0
         return self._seen(), {}
 
-    def step(self, action):
+    def step(self, action: np.ndarray) -> tuple[np.ndarray, float, bool, bool, dict[str, object]]:
         """Send the servos somewhere, and simulate FRAMES steps."""
         self.data.ctrl = self.low + (np.asarray(action, float) + 1) / 2 * self.span
         mujoco.mj_step(self.model, self.data, FRAMES)
@@ -60,15 +63,15 @@ class TwinEnv(gymnasium.Env):
         away = abs(float(self._shares()[self.part]) - self.goal)
         return self._seen(), -away, away < THERE, self.count >= STEPS, {}
 
-    def _shares(self):
+    def _shares(self) -> np.ndarray:
         return (self.data.qpos[self.qpos] - self.low) / self.span
 
-    def _seen(self):
+    def _seen(self) -> np.ndarray:
         speeds = self.data.qvel[self.qvel] / self.span
         seen = np.concatenate([self._shares(), speeds, [self.goal]])
         return np.clip(seen, -MOST, MOST).astype(np.float32)
 
-    def render(self):
+    def render(self) -> np.ndarray | None:
         """Return [H, W, 3] uint8: what the twin looks like now."""
         if self.render_mode is None:
             return None
@@ -76,7 +79,7 @@ class TwinEnv(gymnasium.Env):
         self.renderer.update_scene(self.data)
         return self.renderer.render()
 
-    def close(self):
+    def close(self) -> None:
         """Free the renderer."""
         if self.renderer is not None:
             self.renderer.close()
@@ -85,7 +88,7 @@ class TwinEnv(gymnasium.Env):
 gymnasium.register("Twin-v0", TwinEnv)  # for gymnasium.make("Twin-v0", folder="out/demo")
 
 
-def main(folder, part):
+def main(folder: str | Path, part: str) -> float:
     """Run one episode with the plainest of policies: go there. Return its last reward."""
     env = TwinEnv(folder, part)
     seen, _ = env.reset(seed=0)

@@ -6,12 +6,15 @@ Friction alone holds the handle: the hand follows the joint's path, nothing ties
 """
 
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import mujoco
 import numpy as np
 
 from part2gs_robotics import api
+from part2gs_robotics.model.joint import Joint
+from part2gs_robotics.model.twin import Part
 
 # Metres, kg, seconds. The hand is welded to a target that is led; fingers slide along x.
 FINGER = """<body name="{0}" pos="{1}.05 0 -.03" gravcomp="1">
@@ -26,13 +29,14 @@ ROBOT = f"""<mujoco>
 <equality><weld body1="target" body2="hand" solref=".004 1"/></equality>
 <actuator><motor name="left" joint="left"/><motor name="right" joint="right"/></actuator>
 </mujoco>"""
+Way = Callable[[float], tuple[float, float]]  # share of a time -> how far open, and way back
 GRIP = 40.0  # N, what small parallel grippers hold with
 FREE = 0.12  # m between the hand's start and the handle
 TALL = 0.01  # m: what stands out furthest, by so much, is the handle
 DEEP = 0.018  # m behind its front: where the hand's middle goes, as deep as fingertips reach
 
 
-def opening_way(part, joint):
+def opening_way(part: Part, joint: Joint) -> np.ndarray:
     """Return [3] where the part opens to: along its slide, or where most of a door's area faces."""
     if not joint.turns:
         return joint.axis * np.sign(joint.value)
@@ -44,7 +48,7 @@ def opening_way(part, joint):
     return way * np.sign(np.cross(joint.axis, arm) @ way * joint.value)
 
 
-def grasp(part, joint, metre):
+def grasp(part: Part, joint: Joint, metre: float) -> tuple[np.ndarray, np.ndarray]:
     """Return where the handle is [3], and the hand's axes there [3, 3]: x closes, z approaches."""
     out = opening_way(part, joint)
     height = part.mesh.vertices @ out
@@ -58,13 +62,13 @@ def grasp(part, joint, metre):
     return centre, np.stack([close, np.cross(-out, close), -out], 1)
 
 
-def world(folder, metre):
+def world(folder: Path, metre: float) -> mujoco.MjModel:
     """Return the model of robot and twin; the twin's names begin with `twin/`."""
     spec = mujoco.MjSpec.from_string(ROBOT)
-    for thing in (*spec.geoms, *spec.bodies[1:]):  # from metres to the twin's scene units
-        thing.pos = thing.pos * metre
+    for body in spec.bodies[1:]:  # from metres to the twin's scene units
+        body.pos = body.pos * metre
     for geom in spec.geoms:
-        geom.size = geom.size * metre
+        geom.pos, geom.size = geom.pos * metre, geom.size * metre
     for joint in spec.joints:
         joint.range = joint.range * metre
     twin = mujoco.MjSpec.from_file(str(folder / "twin.xml"))
@@ -73,18 +77,20 @@ def world(folder, metre):
     return spec.compile()
 
 
-def main(folder, name, asked):
+def main(folder: Path, name: str, asked: float) -> float:
     """Open a part by degrees (scene units, if it slides); return how far it came."""
     twin = api.read_twin(folder)
-    part = next(part for part in twin.parts if part.name == name)
-    joint, metre = part.joint, 1 / twin.meters
+    moving = {part.name: (part, part.joint) for part in twin.parts if part.joint is not None}
+    if name not in moving:
+        raise SystemExit(f"{name}: moves nothing of {folder}; there are {', '.join(moving)}")
+    (part, joint), metre = moving[name], 1 / twin.meters
     unit = np.radians(1) if joint.turns else 1.0
     centre, axes = grasp(part, joint, metre)
     model = world(folder, metre)
     data = mujoco.MjData(model)
 
-    def during(seconds, force, way):
-        """Step while the hand goes `way`: share of the time to how far open, and way back."""
+    def during(seconds: float, force: float, way: Way) -> None:
+        """Step while the hand goes its way and the fingers press by newtons."""
         for t in np.linspace(0, 1, round(seconds / model.opt.timestep)):
             opened, back = way(t)
             pose = joint.transform(opened * unit * np.sign(joint.value))
@@ -98,10 +104,9 @@ def main(folder, name, asked):
     during(0.5, -5.0, lambda t: (0.0, FREE * (1 - t)))  # to the handle, with open fingers
     during(0.5, GRIP, lambda t: (0.0, 0.0))
     during(2.0, GRIP, lambda t: (asked * t, 0.0))
-    reached = abs(float(data.joint(f"twin/{name}_joint").qpos[0])) / unit
-    print(f"{name}: asked {asked:g}, reached {reached:.3g}")
-    return reached
+    return abs(float(data.joint(f"twin/{name}_joint").qpos[0])) / unit
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]), sys.argv[2], float(sys.argv[3]))
+    reached = main(Path(sys.argv[1]), sys.argv[2], float(sys.argv[3]))
+    print(f"{sys.argv[2]}: asked {sys.argv[3]}, reached {reached:.3g}")

@@ -20,7 +20,7 @@ from synth_photos import write_ball_scene
 from part2gs_robotics import api
 
 ROOT = Path(__file__).resolve().parents[2]
-LONGEST = 110  # lines: who copies an example reads all of it
+LONGEST = 112  # lines: who copies an example reads all of it
 # Settings that build the two balls in half a minute.
 SMALL = {"steps": 60, "half_steps": 30, "parts": 1, "start_gaussians": 1500, "resolution": 40,
          "hull_resolution": 48, "sweep_values": 5}  # fmt: skip
@@ -107,6 +107,8 @@ def test_a_door_without_a_handle_is_refused(example, tmp_path: Path) -> None:
     api.write_twin(toy_cabinet_twin(2), tmp_path / "plain")
     with pytest.raises(SystemExit, match="nothing stands out"):
         example("open_door").main(tmp_path / "plain", "part_2", 30.0)
+    with pytest.raises(SystemExit, match=r"base: .* there are part_1, part_2$"):
+        example("open_door").main(tmp_path / "plain", "base", 30.0)
 
 
 def test_the_environment_passes_the_checker_of_gymnasium(example, twin: Path) -> None:
