@@ -1,6 +1,6 @@
 """Build the twin of a scene, and say what was found and whether it holds in MuJoCo.
 
-python examples/build_twin.py examples/microwave out/microwave    # about 2 minutes on 2 cores
+python examples/build_twin.py examples/microwave out/microwave    # a few minutes on 2 cores
 """
 
 import sys
