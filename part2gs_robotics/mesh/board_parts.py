@@ -15,7 +15,6 @@ from part2gs_robotics.boards.outlines import Outlines
 from part2gs_robotics.boards.rest import with_rest
 from part2gs_robotics.evidence.edges import bundled, edge_families
 from part2gs_robotics.evidence.segments import segments_of
-from part2gs_robotics.mesh.bend import Bend
 from part2gs_robotics.mesh.make_room import all_apart, without_bits
 from part2gs_robotics.mesh.see_through import missed, unstopped
 from part2gs_robotics.mesh.shut import shut
@@ -63,9 +62,8 @@ def edge_directions(scene: Scene, place: Place) -> list[F64]:
 
 
 def board_surfaces(place: Place, evidence: Sequence[Fused], wholes: Sequence[Solid],
-                   maps: Sequence[PartMaps],
-                   edges: Sequence[F64]) -> tuple[list[Manifold], list[Bend]]:
-    """Return the closed surfaces of all parts, base first, and how each was bent out of flat faces.
+                   maps: Sequence[PartMaps], edges: Sequence[F64]) -> list[Manifold]:
+    """Return the closed surfaces of all parts as solids of flat faces, base first.
 
     Args:
         place: joints, and the part that carries each.
@@ -92,7 +90,7 @@ def board_surfaces(place: Place, evidence: Sequence[Fused], wholes: Sequence[Sol
     pieces = [moved_pieces(board.pieces, bend) for board, bend in zip(boards, bends, strict=True)]
     apart = all_apart(surfaces, pieces, place, voxel)
     apart = shut(apart, pieces, place, maps, voxel)
-    return [_plain(surface, voxel) for surface in apart], bends
+    return [_plain(surface, voxel) for surface in apart]
 
 
 def _plain(surface: Manifold, voxel: float) -> Manifold:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from functools import partial
 from typing import TYPE_CHECKING
 
@@ -12,7 +11,6 @@ from numpy.typing import NDArray
 from part2gs_robotics.config import MeshConfig
 from part2gs_robotics.errors import EmptyPartError
 from part2gs_robotics.evidence.depth_maps import observe
-from part2gs_robotics.mesh.bend import Bend
 from part2gs_robotics.mesh.board_parts import board_surfaces, edge_directions
 from part2gs_robotics.mesh.surface import arrays, closed_surface
 from part2gs_robotics.model.arrays import F64
@@ -78,17 +76,15 @@ def build_parts(scene: Scene, gaussians: tuple[Gaussians, Gaussians], motion: Mo
                 "Needed surfaces of this part that some view sees; raise --resolution, give more "
                 "views, or lower --parts if the part does not exist.", k)
     require_room(solids, wholes, place)
-    bends: Sequence[Bend | None] = [None] * place.count
     if config.flat_walls:
-        surfaces, bends = board_surfaces(place, evidence, wholes, maps,
-                                         edge_directions(scene, place))
+        surfaces = board_surfaces(place, evidence, wholes, maps, edge_directions(scene, place))
     else:
         solids[0] = carved_base(solids, evidence, place, config.clearance_voxels)
         surfaces = [closed_surface(s, part_name(k), config.clearance_voxels)
                     for k, s in enumerate(solids)]
     surfaces = _apart(surfaces, place, grid.voxel)
-    finish = [partial(_part, k, surface, place, maps, grid.voxel, motion, config.convex, bend)
-              for k, (surface, bend) in enumerate(zip(surfaces, bends, strict=True))]
+    finish = [partial(_part, k, surface, place, maps, grid.voxel, motion, config.convex)
+              for k, surface in enumerate(surfaces)]
     return tuple(side_by_side(finish))
 
 
@@ -138,7 +134,7 @@ def _apart(surfaces: list[Manifold], place: Place, voxel: float) -> list[Manifol
 
 
 def _part(part: int, surface: Manifold, place: Place, maps: list[PartMaps], voxel: float,
-          motion: Motion, convex: bool, bend: Bend | None) -> Part:
+          motion: Motion, convex: bool) -> Part:
     """Return the finished part: colours, collision pieces, joint and limits."""
     from part2gs_robotics.collision.convex import MOST_PIECES, convex_pieces
 
@@ -150,12 +146,7 @@ def _part(part: int, surface: Manifold, place: Place, maps: list[PartMaps], voxe
     name, carrier = part_name(part), place.parents[part - 1] if part else -1
     diagnostics = motion.diagnostics[part - 1] if 0 < part <= len(motion.diagnostics) else {}
     # One piece at most is the hull of the whole part.
-    most = MOST_PIECES if convex else 1
-    if bend is None:
-        pieces = convex_pieces(mesh, tolerance=voxel, max_pieces=most)
-    else:
-        flat = convex_pieces(bend.back(mesh), tolerance=voxel, max_pieces=most)
-        pieces = bend.pieces(flat, vertices)
+    pieces = convex_pieces(mesh, tolerance=voxel, max_pieces=MOST_PIECES if convex else 1)
     return Part(name, carrier, mesh, pieces, joint,
                 (min(0.0, value), max(0.0, value)), "measured", place.num_gaussians[part],
                 dict(diagnostics))
