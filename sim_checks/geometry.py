@@ -127,6 +127,21 @@ def collision_pieces(model: mujoco.MjModel, body: int) -> list[PartMesh]:
     return [p for g in chosen if (p := _placed_geom(model, int(g))) is not None]
 
 
+def pieces_solid(model: mujoco.MjModel, body: int) -> Manifold | None:
+    """Return the union of what a body collides with, as the engine does: meshes by their hulls.
+
+    None where nothing collides.
+    """
+    import manifold3d
+
+    hulls = [manifold3d.Manifold.hull_points(np.ascontiguousarray(p.vertices))
+             for p in collision_pieces(model, body)]
+    hulls = [h for h in hulls if h.volume() > 0]
+    if not hulls:
+        return None
+    return manifold3d.Manifold.batch_boolean(hulls, manifold3d.OpType.Add).as_original()
+
+
 def lighter(solid: Manifold, tolerance: float) -> tuple[Manifold, bool]:
     """Return the solid, simplified within a tolerance when it is too dense for a sweep."""
     if solid.num_tri() <= DENSE:

@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from part2gs_robotics.assets.driven import DrivenJoint
 from part2gs_robotics.model.arrays import F64
 from part2gs_robotics.runtime.threads import in_threads
 from part2gs_robotics.sim_checks.actuation import CONTROL, HIGH, LOW, REACH, start, warnings_of
-from part2gs_robotics.sim_checks.driven import DrivenJoint
 from part2gs_robotics.sim_checks.result import CheckResult, passed, row
 from part2gs_robotics.sim_checks.subject import Subject
 

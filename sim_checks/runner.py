@@ -8,10 +8,10 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from part2gs_robotics.assets.engine import distinct, engine_messages
+from part2gs_robotics.assets.model_files import check_model_files
 from part2gs_robotics.errors import CheckError
 from part2gs_robotics.exporters.twin_yaml import TwinSummary, read_twin_yaml
-from part2gs_robotics.sim_checks.engine import distinct, engine_messages
-from part2gs_robotics.sim_checks.model_files import check_model_files
 from part2gs_robotics.sim_checks.result import (
     CheckReport,
     CheckResult,
@@ -84,7 +84,8 @@ def check(
     with engine_messages() as messages:
         # the engine keeps meshes by name and second of change: a file rewritten at once is stale
         mujoco.mj_clearCache(mujoco.mj_getCache())
-        results, models, compiled = _compile(files, messages)
+        ours = folder is not None or (files[0].parent / "twin.yaml").is_file()
+        results, models, compiled = _compile(files, messages, ours)
         if folder is not None and "files" in wanted and (summary is not None or files[1:]):
             results += _files_rows(folder, compiled)
         report = CheckReport(str(path), engine, tuple(with_causes(results)))
@@ -134,7 +135,7 @@ def _files_rows(folder: Path, compiled: dict[str, mujoco.MjModel]) -> list[Check
 Compiled = tuple[list[CheckResult], Models | None, dict[str, "mujoco.MjModel"]]
 
 
-def _compile(files: list[Path], messages: list[str]) -> Compiled:
+def _compile(files: list[Path], messages: list[str], ours: bool) -> Compiled:
     """Compile every file; the first one is the subject, its servos those of twin_actuated.xml.
 
     A twin holds no options of its own: those of scene.xml count for all files of a folder.
@@ -147,7 +148,7 @@ def _compile(files: list[Path], messages: list[str]) -> Compiled:
         check_model_files(file)
         messages.clear()
         try:
-            compiled[file.name] = model = _load(file, names, subjects, options)
+            compiled[file.name] = model = _load(file, (names, ours), subjects, options)
         except ValueError as error:
             said = _plain_words(str(error))
             rows[file.name] = CheckResult("compile", file.name, "fail", detail=said,
@@ -169,18 +170,21 @@ def _compile(files: list[Path], messages: list[str]) -> Compiled:
     return [*results, *_same(still, driven)], Models(still, driven), compiled
 
 
-def _load(file: Path, names: list[str], subjects: dict[str, Subject],
+def _load(file: Path, folder: tuple[list[str], bool], subjects: dict[str, Subject],
           options: mujoco.MjOption | None) -> mujoco.MjModel:
     """Compile one file, and make it a subject where the checks look at it.
+
+    Folder: the names of all files, and whether this program wrote them.
 
     Raises:
         ValueError: MuJoCo's own message, or a number that no model can have.
     """
     from part2gs_robotics.sim_checks.subject import actuated_twin, compile_spec, make_subject
 
+    names, ours = folder
     if file.name == names[0]:
         bare = ACTUATED not in names
-        subjects[file.name] = make_subject(file, options, servos=bare)
+        subjects[file.name] = make_subject(file, options, servos=bare, ours=ours)
         # servos of ours are no part of the file
         return compile_spec(file) if bare else subjects[file.name].model
     if file.name == ACTUATED and names[0] in subjects:
@@ -232,7 +236,7 @@ def _run(report: CheckReport, models: Models, summary: TwinSummary | None, wante
         found, curves = check_interpenetration(still, sweeps, counts[1])
         rows += found
     table = static.pieces_table(still) if "overlap" in wanted else []
-    rows += static.check_pieces(table, still.size)
+    rows += static.check_pieces(still, table)
     stuck = {r.subject for r in rows if r.name == "reach" and r.status == "fail"}
     rows += check_stability(driven, stuck) if "stability" in wanted else []
     rows += check_passive(still) if "passive" in wanted and models.passive else []
@@ -252,6 +256,7 @@ def _run(report: CheckReport, models: Models, summary: TwinSummary | None, wante
 def _notes(subject: Subject, passive: bool, wanted: set[str]) -> tuple[str, ...]:
     left_out = [g for g in GROUPS if g not in wanted and g != "compile"]
     motors = f"servos of {ACTUATED}, options of {WORLD}; everything else of twin.xml"
-    return ("base fixed, parent-child contacts not filtered, automatic reset off",
+    filtered = "parent-child contacts not filtered, " if subject.ours else ""
+    return (f"base fixed, {filtered}automatic reset off",
             *((motors,) if passive else ()), *subject.notes,
             *((f"not run: {', '.join(left_out)}",) if left_out else ()))

@@ -9,10 +9,10 @@ from functools import partial
 
 import numpy as np
 
+from part2gs_robotics.assets.driven import DrivenJoint
 from part2gs_robotics.model.arrays import F64
 from part2gs_robotics.runtime.threads import in_threads
 from part2gs_robotics.sim_checks.actuation import HIGH, LOW, MAX_STEPS, start, warnings_of
-from part2gs_robotics.sim_checks.driven import DrivenJoint
 from part2gs_robotics.sim_checks.result import CheckResult, row
 from part2gs_robotics.sim_checks.subject import Subject
 
@@ -182,6 +182,9 @@ def _gained(subject: Subject, qpos: F64) -> tuple[float, tuple[str, ...]]:
     data = mujoco.MjData(model)
     data.qpos[:] = qpos
     model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_ACTUATION)
+    for joint in subject.joints:
+        if joint.ours:  # our motor carries the weight no more
+            model.body_gravcomp[list(joint.moved)] = 0.0
     model.opt.enableflags |= int(mujoco.mjtEnableBit.mjENBL_ENERGY)
     mujoco.mj_forward(model, data)
     first, highest = float(data.energy.sum()), -np.inf

@@ -8,11 +8,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from part2gs_robotics.assets.driven import DrivenJoint, driven_joints, followers_of, is_simple
+from part2gs_robotics.assets.pairs import keep_apart, meeting_pairs
+from part2gs_robotics.assets.servos import add_servos
 from part2gs_robotics.model.arrays import F64
 from part2gs_robotics.model.twin import PartMesh
-from part2gs_robotics.sim_checks.driven import DrivenJoint, driven_joints, followers_of, is_simple
-from part2gs_robotics.sim_checks.geometry import body_meshes, body_solid, lighter
-from part2gs_robotics.sim_checks.servos import add_servos
+from part2gs_robotics.sim_checks.geometry import body_meshes, body_solid, lighter, pieces_solid
 
 if TYPE_CHECKING:
     import mujoco
@@ -23,13 +24,15 @@ SWEEP_TOLERANCE = 2e-4  # of the size: simplification of dense bodies, a tenth o
 
 @dataclass(frozen=True)
 class Subject:
-    """A model ready to be checked: base fixed, parent filter and automatic reset off.
+    """A model ready to be checked: base fixed, automatic reset off, of ours parent filter too.
 
     Attributes:
         model: compiled.  joints: under test.  followers: (follower qpos, leader qpos, polynomial).
         meshes: true surfaces per body.  solids: their unions, None if open.  size: diagonal, units.
         states: qpos by keyframe name.  notes: what was changed or left out.
         around: by index of a joint that waits for others, qpos that these have while it is driven.
+        ours: written by this program. Of others what collides counts, not what is seen.
+        pairs: bodies that the engine lets meet, None = all.
     """
 
     model: mujoco.MjModel
@@ -41,6 +44,8 @@ class Subject:
     states: dict[str, F64]
     notes: tuple[str, ...]
     around: dict[int, F64] = field(default_factory=dict)
+    ours: bool = True
+    pairs: frozenset[tuple[int, int]] | None = None
 
     def body(self, index: int) -> str:
         """Return the name of a body."""
@@ -66,7 +71,11 @@ def load_spec(path: Path) -> tuple[mujoco.MjSpec, tuple[str, ...]]:
     import mujoco
 
     spec = mujoco.MjSpec.from_file(str(path))
+    for number, joint in enumerate(spec.joints):
+        joint.name = joint.name or f"joint {number}"  # what has no name gets no servo
     free = [j for j in spec.joints if j.type == mujoco.mjtJoint.mjJNT_FREE]
+    if free:
+        keep_apart(spec, [j.parent for j in free])
     for joint in free:
         spec.delete(joint)
     for key in list(spec.keys) if free else []:
@@ -86,7 +95,7 @@ def compile_spec(path: Path) -> mujoco.MjModel:
 
 
 def make_subject(
-    path: Path, options: mujoco.MjOption | None = None, *, servos: bool = True
+    path: Path, options: mujoco.MjOption | None = None, *, servos: bool = True, ours: bool = True
 ) -> Subject:
     """Compile a confined model file and collect everything the checks look at.
 
@@ -94,22 +103,23 @@ def make_subject(
         path: MJCF or URDF file.
         options: those of the world it is meant for; None = its own.
         servos: add one to every joint that has none.
+        ours: written by this program; of others contact filters and what is only seen are theirs.
 
     Raises:
         ValueError: MuJoCo's own message, if it does not compile.
     """
     spec, notes = load_spec(path)
-    model = _prepared(spec, options)
+    model = _prepared(spec, options, ours)
     added = add_servos(spec, model) if servos else []
     if added:
-        model = _prepared(spec, options)
+        model = _prepared(spec, options, ours)
         notes += (f"servos added to joints without one: {', '.join(added)}",)
     if model.nexclude:
         notes += (f"{model.nexclude} body pair(s) excluded from contact by the model",)
     skipped = [model.joint(j).name for j in range(model.njnt) if not is_simple(model, j)]
     if skipped:
         notes += (f"ball joints are not driven: {', '.join(skipped)}",)
-    return _geometry(model, notes)
+    return _geometry(model, notes, ours)
 
 
 def actuated_twin(passive: Subject, path: Path, options: mujoco.MjOption | None) -> Subject:
@@ -163,8 +173,10 @@ def require_finite(model: mujoco.MjModel) -> None:
                          f"{model.opt.gravity.tolist()}")
 
 
-def _prepared(spec: mujoco.MjSpec, options: mujoco.MjOption | None) -> mujoco.MjModel:
-    """Compile with options of a world, parent filter and automatic reset off."""
+def _prepared(
+    spec: mujoco.MjSpec, options: mujoco.MjOption | None, ours: bool = True
+) -> mujoco.MjModel:
+    """Compile with options of a world, automatic reset off, and the parent filter of our own."""
     import mujoco
 
     model = spec.compile()
@@ -173,7 +185,8 @@ def _prepared(spec: mujoco.MjSpec, options: mujoco.MjOption | None) -> mujoco.Mj
         for name in dir(options):
             if not name.startswith("_"):
                 setattr(model.opt, name, getattr(options, name))
-    model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_FILTERPARENT)
+    if ours:
+        model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_FILTERPARENT)
     model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
     return model
 
@@ -182,10 +195,14 @@ def _states(model: mujoco.MjModel) -> dict[str, F64]:
     return {model.key(k).name: np.array(model.key_qpos[k]) for k in range(model.nkey)}
 
 
-def _geometry(model: mujoco.MjModel, notes: tuple[str, ...]) -> Subject:
+def _geometry(model: mujoco.MjModel, notes: tuple[str, ...], ours: bool) -> Subject:
     meshes = {b: body_meshes(model, b) for b in range(model.nbody)}
     meshes = {b: m for b, m in meshes.items() if m}
-    solids = {b: body_solid(m) for b, m in meshes.items()}
+    if ours:
+        solids = {b: body_solid(m) for b, m in meshes.items()}
+    else:
+        solids = {b: pieces_solid(model, b) for b in range(model.nbody)}
+        notes += ("not a twin of ours: what collides stands in for what is seen",)
     subject = Subject(
         model,
         driven_joints(model),
@@ -195,6 +212,8 @@ def _geometry(model: mujoco.MjModel, notes: tuple[str, ...]) -> Subject:
         float("nan"),
         _states(model),
         notes,
+        ours=ours,
+        pairs=None if ours else meeting_pairs(model),
     )
     size = _size(subject)
     lightened = []

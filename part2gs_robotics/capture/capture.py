@@ -22,10 +22,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from part2gs_robotics.assets.engine import logged_messages
 from part2gs_robotics.capture.cameras import FOV_RAD, place_cameras
 from part2gs_robotics.capture.joint_states import States, choose_states
 from part2gs_robotics.errors import ConfigError, SceneError
-from part2gs_robotics.sim_checks.engine import logged_messages
 
 if TYPE_CHECKING:
     from part2gs_robotics.capture.rig import JointInfo, Rig

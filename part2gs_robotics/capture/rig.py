@@ -13,9 +13,9 @@ from xml.etree import ElementTree
 import numpy as np
 from numpy.typing import NDArray
 
+from part2gs_robotics.assets.model_files import check_model_files
 from part2gs_robotics.capture.cameras import FOV_RAD, direction
 from part2gs_robotics.errors import CheckError, ConfigError
-from part2gs_robotics.sim_checks.model_files import check_model_files
 
 if sys.platform.startswith("linux"):
     # Read by mujoco at its first import; EGL needs no screen.

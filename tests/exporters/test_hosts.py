@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 from synth import toy_cabinet_twin
 
+from part2gs_robotics.assets.engine import engine_messages
 from part2gs_robotics.exporters.dynamics import physics_of
 from part2gs_robotics.exporters.mjcf import joint_name, write_mjcf
 from part2gs_robotics.model.kinematics import moving_parts
-from part2gs_robotics.sim_checks.engine import engine_messages
 
 MOVING = 4
 TWINS = ("twin.xml", "twin_actuated.xml")

@@ -10,11 +10,11 @@ import mujoco
 import pytest
 from synth import toy_cabinet_twin
 
+from part2gs_robotics.assets.engine import distinct, engine_messages
 from part2gs_robotics.exporters.mjcf import write_mjcf
 from part2gs_robotics.runtime import threads
 from part2gs_robotics.runtime.threads import in_threads
 from part2gs_robotics.sim_checks import check
-from part2gs_robotics.sim_checks.engine import distinct, engine_messages
 
 UNSTABLE = """<mujoco><worldbody><body name="lid">
 <joint name="j" type="slide" range="0 1" limited="true" stiffness="-1e15"/>

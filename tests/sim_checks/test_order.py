@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -56,7 +57,9 @@ def test_the_waiting_joint_is_driven_with_the_other_at_state_1(tmp_path: Path) -
 
 
 def test_a_shutter_that_stays_down_blocks_the_drawer(tmp_path: Path) -> None:
-    report = check(written(tmp_path, state=f"{ROOM / 2} .1"), steps=9, only=("overlap",))
+    path = written(tmp_path, state=f"{ROOM / 2} .1")
+    path.write_text(path.read_text().replace("0 .3", "0 .1"))
+    report = check(path, steps=9, only=("overlap",))
     assert ("overlap", "out") in failed(report)
     assert not [note for note in report.notes if "waits" in note]
 
@@ -82,11 +85,30 @@ def test_two_parts_that_block_each_other_both_fail(tmp_path: Path) -> None:
     assert all(worst.depth > 0.05 for _, worst in sweeps.values())
 
 
-def test_without_states_nothing_waits(tmp_path: Path) -> None:
+def test_without_states_what_stands_in_the_way_is_opened(tmp_path: Path) -> None:
+    """Door before drawer, found from the geometry: no keyframe says it."""
     path = written(tmp_path)
     path.write_text(path.read_text().replace("state_1", "open"))
-    subject, _ = in_order(make_subject(path), 9)
-    assert not subject.around
+    subject, sweeps = in_order(make_subject(path), 9)
+    (note,) = [n for n in subject.notes if "waits" in n]
+    assert note.startswith("out waits for other joints: with those at rest drawer and shutter meet")
+    assert note.endswith("driven with up at 0.3 units instead")
+    assert sweeps[subject.joints[0].index][1].depth == 0
+
+
+def test_a_chain_of_three_is_opened_one_after_the_other(tmp_path: Path) -> None:
+    """A bolt before the shutter, the shutter before the drawer."""
+    bolt = """<body name="bolt" pos=".25 0 .2"><joint name="side" type="slide" axis="0 1 0"
+      range="0 .5" limited="true"/><geom type="box" size=".02 .2 .05"/></body>"""
+    path = written(tmp_path, more=bolt)
+    path.write_text(re.sub("<keyframe>.*</keyframe>", "", path.read_text(), flags=re.DOTALL))
+    report = check(path, steps=9, only=("actuation", "overlap"))
+    assert report.ok, failed(report)
+    waits = {n.split()[0]: n for n in report.notes if "waits" in n}
+    assert set(waits) == {"out", "up"}
+    assert "driven with side at 0.5 units instead" in waits["up"]
+    assert "up at 0.3 units" in waits["out"]
+    assert "side at 0.5 units" in waits["out"]
 
 
 def test_combinations_keep_the_order(tmp_path: Path) -> None:
@@ -96,7 +118,7 @@ def test_combinations_keep_the_order(tmp_path: Path) -> None:
     subject, _ = in_order(make_subject(written(tmp_path)), 9)
     rng, drawn = np.random.default_rng(0), []
     for turn in range(40):
-        drawn.append(_combination(subject, rng, bool(turn % 2)))
+        drawn.append(_combination(subject, rng, turn))
     out, up = np.array(drawn).T
     opened = np.isclose(up, 0.3)
     assert ((out == 0) | opened).all()

@@ -8,9 +8,9 @@ from pathlib import Path
 import pytest
 from synth import toy_cabinet_twin
 
+from part2gs_robotics.assets.engine import engine_messages
 from part2gs_robotics.exporters.dynamics import physics_of
 from part2gs_robotics.sim_checks import check
-from part2gs_robotics.sim_checks.engine import engine_messages
 from part2gs_robotics.sim_checks.stability import check_stability, run_to_end
 from part2gs_robotics.sim_checks.subject import make_subject
 

@@ -9,9 +9,9 @@ from pathlib import Path
 import mujoco
 import pytest
 
+from part2gs_robotics.assets.engine import distinct, engine_messages
 from part2gs_robotics.capture.capture import Shots, capture
 from part2gs_robotics.sim_checks import check
-from part2gs_robotics.sim_checks.engine import distinct, engine_messages
 
 # A slide without damping behind a spring of huge negative stiffness: QACC is huge at once.
 UNSTABLE = """<mujoco><worldbody><body name="lid">

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
+from part2gs_robotics.assets.model_files import check_model_files
 from part2gs_robotics.errors import CheckError
-from part2gs_robotics.sim_checks.model_files import check_model_files
 
 Make = Callable[..., Path]
 

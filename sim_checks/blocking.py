@@ -1,0 +1,134 @@
+"""Parts that stop each other: what a real object does, told from overlap that geometry invents.
+
+At a random combination of joints two parts stand in each other. Where the relation of both hangs on
+one joint alone, the twin's geometry is wrong. Where it hangs on several, the way there is swept
+from the observed states, one joint after the other: none is open all the way. If the parts would go
+through each other for real (deep, or against the face of a thin board), the object blocks itself,
+and the order of joints that works is told. A thin film along the motion is none: two surfaces that
+a real object slides past each other overlap, and that is an error of the twin.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import permutations
+
+import numpy as np
+
+from part2gs_robotics.assets.driven import DrivenJoint
+from part2gs_robotics.model.arrays import F64
+from part2gs_robotics.sim_checks.geometry import Overlap
+from part2gs_robotics.sim_checks.interpenetration import LIMIT, Pair, Poser, Swept, deepest_of
+from part2gs_robotics.sim_checks.subject import Subject
+
+THROUGH = 5.0  # x the limit: ten times the noise of a good reconstruction is no film any more
+FACING = 0.5  # cosine of 60 deg between the thin side of an overlap and the motion into it
+LEG = 12  # positions on the way of one joint
+MOST_MOVERS = 3  # joints whose orders are tried: six orders
+
+
+@dataclass(frozen=True)
+class Block:
+    """Two parts that stop each other.
+
+    Attributes:
+        pair: bodies.  detail: who is stopped where, and which order works.
+    """
+
+    pair: Pair
+    detail: str
+
+
+def block_of(poser: Poser, qpos: F64, found: tuple[Pair, Overlap], sweeps: dict[int, Swept]
+             ) -> Block | None:
+    """Return the block that explains an overlap, None if a real object would not stop there.
+
+    Args:
+        poser: of the model; it is left at another pose.
+        qpos: combination of joints where two bodies overlap.
+        found: those bodies, and their overlap there.
+        sweeps: of every joint by index, each in a posture that lets it move.
+    """
+    pair, overlap = found
+    subject = poser.subject
+    movers = movers_of(subject, pair)
+    limit = LIMIT * subject.size
+    if not 2 <= len(movers) <= MOST_MOVERS or any(
+            sweeps[j.index][1].depth > limit for j in movers):
+        return None
+    if not _goes_through(poser, qpos, (pair, overlap), movers):
+        return None
+    for name, start in _starts(subject).items():
+        stops = [_first_contact(poser, (start, qpos), order, pair)
+                 for order in permutations(movers)]
+        if all(stop is not None for stop in stops):
+            said = "; ".join(dict.fromkeys(s for s in stops if s))
+            return Block(pair, f"{said} (swept from {name}){_order(poser, pair, movers)}")
+    return None
+
+
+def movers_of(subject: Subject, pair: Pair) -> list[DrivenJoint]:
+    """Return the joints that move one body against the other."""
+    return [j for j in subject.joints if (pair[0] in j.moved) != (pair[1] in j.moved)]
+
+
+def _goes_through(poser: Poser, qpos: F64, found: tuple[Pair, Overlap],
+                  movers: list[DrivenJoint]) -> bool:
+    """Return whether bodies are deep in each other, or pushed against each other's faces."""
+    pair, overlap = found
+    subject = poser.subject
+    if deepest_of({pair: overlap}).depth > THROUGH * LIMIT * subject.size:
+        return True
+    assert overlap.solid is not None  # overlaps without are not kept
+    mesh = overlap.solid.to_mesh()
+    corners = np.asarray(mesh.vert_properties, np.float64)[:, :3]
+    center = corners.mean(0)
+    thin = np.linalg.svd(corners - center, full_matrices=False)[2][-1]
+    for joint in movers:
+        body = int(subject.model.jnt_bodyid[joint.index])
+        poser.pose(qpos)
+        axis = poser.data.xaxis[joint.index].copy()
+        way = np.cross(axis, center - poser.data.xanchor[joint.index]) if joint.hinge else axis
+        length = float(np.linalg.norm(way))
+        if length > 0 and abs(float(thin @ way)) >= FACING * length and body >= 0:
+            return True
+    return False
+
+
+def _starts(subject: Subject) -> dict[str, F64]:
+    states = {k: v for k, v in subject.states.items() if k.startswith("state_")}
+    return states or {"rest": subject.model.qpos0}
+
+
+def _first_contact(poser: Poser, ends: tuple[F64, F64], order: tuple[DrivenJoint, ...], pair: Pair
+                   ) -> str | None:
+    """Return where a pair first meets on the way from start to goal; None if never, or at once."""
+    subject, (start, goal) = poser.subject, ends
+    values = {j.qpos: float(start[j.qpos]) for j in subject.joints}
+    if _deep(poser, values, pair):
+        return None
+    for joint in order:
+        for q in np.linspace(start[joint.qpos], goal[joint.qpos], LEG)[1:]:
+            values[joint.qpos] = float(q)
+            if _deep(poser, values, pair):
+                others = ", ".join(f"{j.name} at {values[j.qpos]:.3g} {j.unit}" for j in order
+                                   if j.index != joint.index)
+                return f"with {others}, {joint.name} is stopped at {q:.3g} {joint.unit}"
+    return None
+
+
+def _deep(poser: Poser, values: dict[int, float], pair: Pair) -> bool:
+    poser.pose(poser.subject.at(values))
+    return deepest_of(poser.overlaps([pair])).depth > LIMIT * poser.subject.size
+
+
+def _order(poser: Poser, pair: Pair, movers: list[DrivenJoint]) -> str:
+    """Return the order of joints that leads from state 0 to state 1 without contact, in words."""
+    states = poser.subject.states
+    if "state_0" not in states or "state_1" not in states:
+        return ""
+    ends = states["state_0"], states["state_1"]
+    for order in permutations(movers):
+        if _first_contact(poser, ends, order, pair) is None:
+            return f"; from state 0 to state 1 in the order {', '.join(j.name for j in order)}"
+    return "; no order of single joints leads from state 0 to state 1"
