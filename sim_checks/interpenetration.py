@@ -138,17 +138,19 @@ def sweep(poser: Poser, joint: DrivenJoint, steps: int) -> Swept:
 
 def deepest_of(found: dict[Pair, Overlap], position: float = 0.0) -> Worst:
     """Return the deepest of some overlaps; only the thickest two are measured exactly."""
-    thickest = sorted(found, key=lambda p: found[p].thickness, reverse=True)[:2]
     worst = Worst(position=position)
+    return max((worst, *measured(found, position)), key=lambda w: w.depth)
+
+
+def measured(found: dict[Pair, Overlap], position: float = 0.0) -> list[Worst]:
+    """Return the exact depths of the thickest two overlaps."""
+    thickest = sorted(found, key=lambda p: found[p].thickness, reverse=True)[:2]
+    out = []
     for pair in thickest:
         solid = found[pair].solid
         assert solid is not None  # empty overlaps are not kept
-        worst = max(
-            worst,
-            Worst(found[pair].volume, depth(solid), pair, position),
-            key=lambda w: w.depth,
-        )
-    return worst
+        out.append(Worst(found[pair].volume, depth(solid), pair, position))
+    return out
 
 
 def _joint_rows(
@@ -200,25 +202,24 @@ def _names(subject: Subject, pair: Pair) -> str:
 
 def _random_rows(poser: Poser, count: int, sweeps: dict[int, Swept]) -> list[CheckResult]:
     """Return the deepest overlap over random joint combinations, and what real blocks explain."""
-    from part2gs_robotics.sim_checks.blocking import Block, block_of
+    from part2gs_robotics.sim_checks.blocking import block_of
 
     rng, subject = np.random.default_rng(0), poser.subject
-    worst, blocks, limit = Worst(), dict[Pair, Block](), LIMIT * subject.size
+    deepest: dict[Pair, tuple[Worst, F64]] = {}
     for turn in range(count):
         qpos = _combination(subject, rng, turn)
         poser.pose(qpos)
-        found = poser.overlaps([p for p in poser.pairs if p not in blocks])
-        deepest = deepest_of(found)
-        while deepest.depth > limit:
-            block = block_of(poser, qpos, (deepest.pair, found.pop(deepest.pair)), sweeps)
-            if block is None:
-                break
-            blocks[deepest.pair] = block
-            deepest = deepest_of(found)
-        worst = max(worst, deepest, key=lambda w: w.depth)
+        for one in measured(poser.overlaps(poser.pairs)):
+            if one.depth > deepest.get(one.pair, (Worst(), qpos))[0].depth:
+                deepest[one.pair] = one, qpos
+    rows, worst, limit = list[CheckResult](), Worst(), LIMIT * subject.size
+    for pair, (one, qpos) in deepest.items():
+        block = block_of(poser, qpos, pair, sweeps) if one.depth > limit else None
+        if block:
+            rows.append(CheckResult("blocking", _names(subject, pair), "pass", detail=block))
+        elif one.depth > worst.depth:
+            worst = one
     detail = f"{count} random joint combinations"
     if worst.volume:
         detail += f", worst {_names(subject, worst.pair)}, {worst.volume:.3g} units^3"
-    rows = [CheckResult("blocking", _names(subject, pair), "pass", detail=block.detail)
-            for pair, block in blocks.items()]
     return [*rows, _graded(subject, row("overlap", "", worst.depth, limit, "units", detail))]

@@ -60,7 +60,7 @@ CHECKS = {
     "overlap": _x("true surfaces do not overlap anywhere in the ranges", "0.2 % of the size",
                   "correct the joint's axis, origin or range, or carve the meshes where they meet"),
     "blocking": _x("parts that stop each other as real ones do, and the order that works; nothing "
-                   "of it fails", "1 % of the size, or against the face of a thin board",
+                   "of it fails", "0.6 % of the size, or against the face of a thin board",
                    "nothing: move the joints in the order told"),
     "phantom contact": _x("collision pieces do not touch where true surfaces do not",
                           "0.2 % of the size", "cut the collision pieces into smaller convex ones"),
