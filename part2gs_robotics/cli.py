@@ -132,9 +132,13 @@ def _check(call: Call) -> int:
     kind = str(call.flags.get("format", "json" if call.flags.get("json") else "text"))
     with logging_to(None, config.output.quiet, config.output.verbose):
         reports = check_assets([Path(path) for path in call.paths], wishes)
-    text = ("\n".join(map(format_text, reports)) if kind == "text"
+    for report in reports:
+        if report.unusable:
+            sys.stderr.write(f"error: {report.unusable}\n")
+    usable = [report for report in reports if not report.unusable]
+    text = ("\n".join(map(format_text, usable)) if kind == "text"
             else formatted([report.to_dict() for report in reports], kind))
-    sys.stdout.write(text.rstrip() + "\n")
+    sys.stdout.write(text.rstrip() + "\n" if text else "")
     return max(report.exit_code for report in reports)
 
 
@@ -148,11 +152,13 @@ def _wishes(call: Call, steps: int) -> Wishes:
         if cast(int, flags.get(name, 0)) < 0:
             raise ConfigError(f"command line: --{name} is {flags[name]}. Expected a whole number "
                               "from 0 up; see part2gs-robot check --help.")
-    cache, baseline = (Path(str(flags[key])) if flags.get(key) else None
-                       for key in ("cache", "baseline"))
-    return Wishes(steps, cast(int, flags.get("samples", 0)), cast(int, flags.get("jobs", 0)), cache,
-                  reasons_of(cast("tuple[str, ...]", flags.get("disable") or ())), baseline,
-                  bool(flags.get("write_baseline")))
+    root, cache, baseline = (Path(str(flags[key])) if flags.get(key) else None
+                             for key in ("root", "cache", "baseline"))
+    return Wishes(
+        steps, cast(int, flags.get("samples", 0)), bool(flags.get("stress")), root,
+        cast(int, flags.get("jobs", 0)), cache,
+        reasons_of(cast("tuple[str, ...]", flags.get("disable") or ())), baseline,
+        bool(flags.get("write_baseline")))
 
 
 def _explain(call: Call) -> int:

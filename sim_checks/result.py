@@ -50,6 +50,8 @@ class CheckReport:
         curves: sweep of every joint.  losses: optimiser's losses beside measured numbers, per part.
         pieces: how far the collision hulls of every part are from its true surface.
         notes: what was substituted, decimated or left out.  seconds: wall time.
+        size: scene units; NaN = not known.
+        unusable: why the asset could not be checked at all; "" = it was.
     """
 
     path: str
@@ -62,6 +64,7 @@ class CheckReport:
     notes: tuple[str, ...] = ()
     seconds: float = 0.0
     size: float = field(default=float("nan"))
+    unusable: str = ""
 
     @property
     def ok(self) -> bool:
@@ -70,8 +73,8 @@ class CheckReport:
 
     @property
     def exit_code(self) -> int:
-        """0 when ok, else 1."""
-        return 0 if self.ok else 1
+        """0 when ok, 2 where the asset cannot be used, else 1."""
+        return 2 if self.unusable else 0 if self.ok else 1
 
     def verdict(self, joint: str) -> Status:
         """Return the worst status among the rows about a joint."""
@@ -92,6 +95,7 @@ class CheckReport:
             "losses": list(self.losses),
             "pieces": list(self.pieces),
             "notes": list(self.notes),
+            **({"error": self.unusable} if self.unusable else {}),
         }
 
 
@@ -135,7 +139,7 @@ def report_of(tree: Mapping[str, Any]) -> CheckReport:
     return CheckReport(
         tree["path"], tree["engine"], rows, tuple(tree["joints"]), curves, tuple(tree["losses"]),
         tuple(tree["pieces"]), tuple(tree["notes"]), tree["seconds"],
-        float("nan") if tree["size"] is None else tree["size"])
+        float("nan") if tree["size"] is None else tree["size"], tree.get("error", ""))
 
 
 def with_causes(rows: Iterable[CheckResult]) -> list[CheckResult]:

@@ -1,15 +1,17 @@
-"""Run the checks on a twin folder or on any MJCF or URDF file."""
+"""Run the checks on a twin folder or on any MJCF, URDF or USD file."""
 
 from __future__ import annotations
 
 import time
-from collections.abc import Collection
+from collections.abc import Collection, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from part2gs_robotics.assets.engine import distinct, engine_messages
 from part2gs_robotics.assets.model_files import check_model_files
+from part2gs_robotics.assets.opened import opened
 from part2gs_robotics.errors import CheckError
 from part2gs_robotics.exporters.twin_yaml import TwinSummary, read_twin_yaml
 from part2gs_robotics.sim_checks.result import (
@@ -57,16 +59,17 @@ class Models:
         return self.still is not self.driven
 
 
-def check(
-    path: Path, *, steps: int = 21, quick: bool = False, only: Collection[str] | None = None
-) -> CheckReport:
-    """Check a twin folder, an MJCF or a URDF file in the installed MuJoCo.
+def check(path: Path, *, steps: int = 21, quick: bool = False, stress: bool = False,
+          only: Collection[str] | None = None, root: Path | None = None) -> CheckReport:
+    """Check a twin folder, an MJCF, a URDF or a USD file in the installed MuJoCo.
 
     Args:
         path: folder with twin.xml, or a model file. Everything it names must lie in its folder.
         steps: positions per joint of the overlap sweep.
         quick: fewer positions, no stability and no passive rows.
+        stress: also the long rows: ten seconds of rest, slow drives.
         only: names of the groups to run (GROUPS); None = all.
+        root: folder that nothing a model names may leave, where its own folder is too narrow.
 
     Raises:
         CheckError: if the path, a file it names or a group cannot be used.
@@ -81,10 +84,9 @@ def check(
     wanted = _wanted(only, quick)
     folder, files, summary = _files(Path(path))
     engine = f"mujoco {mujoco.__version__}"
-    with engine_messages() as messages:
+    with engine_messages() as messages, _opened(folder, files, root) as (files, ours):
         # the engine keeps meshes by name and second of change: a file rewritten at once is stale
         mujoco.mj_clearCache(mujoco.mj_getCache())
-        ours = folder is not None or (files[0].parent / "twin.yaml").is_file()
         results, models, compiled = _compile(files, messages, ours)
         if folder is not None and "files" in wanted and (summary is not None or files[1:]):
             results += _files_rows(folder, compiled)
@@ -112,14 +114,29 @@ def _files(path: Path) -> tuple[Path | None, list[Path], TwinSummary | None]:
         if not files or files[0].name != "twin.xml":
             raise CheckError(
                 f"{path}: holds no twin.xml. "
-                "Needed a folder written by `build`, or the name of an MJCF or URDF file."
+                "Needed a folder written by `build`, or the name of an MJCF, URDF or USD file."
             )
         return path, files, read_twin_yaml(path) if (path / "twin.yaml").is_file() else None
     if not path.is_file():
         raise CheckError(
-            f"{path}: does not exist. Needed a twin folder, an MJCF or a URDF file; check the path."
+            f"{path}: does not exist. Needed a twin folder, an MJCF, URDF or USD file; check the "
+            "path."
         )
     return None, [path], None
+
+
+@contextmanager
+def _opened(folder: Path | None, files: list[Path], root: Path | None
+            ) -> Iterator[tuple[list[Path], bool]]:
+    """Inspect all files, and give those that the engine opens; whether this program wrote them."""
+    ours = folder is not None or (files[0].parent / "twin.yaml").is_file()
+    if folder is not None:
+        for file in files:
+            check_model_files(file, root)
+        yield files, ours
+        return
+    with opened(files[0], root) as file:
+        yield [file], ours
 
 
 def _files_rows(folder: Path, compiled: dict[str, mujoco.MjModel]) -> list[CheckResult]:
@@ -145,7 +162,6 @@ def _compile(files: list[Path], messages: list[str], ours: bool) -> Compiled:
     compiled: dict[str, mujoco.MjModel] = {}
     names, options = [f.name for f in files], None
     for file in sorted(files, key=lambda f: len(files) > 1 and f.name != WORLD):
-        check_model_files(file)
         messages.clear()
         try:
             compiled[file.name] = model = _load(file, (names, ours), subjects, options)

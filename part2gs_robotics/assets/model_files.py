@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from xml.parsers import expat
 
@@ -14,11 +15,58 @@ _FOLDER_ATTRIBUTES = ("meshdir", "texturedir", "assetdir")
 _FILE_ATTRIBUTES = frozenset(
     ["file", "filename", "fileright", "fileleft", "fileup", "filedown", "filefront", "fileback"]
 )
+# Numbers that make the engine reserve memory, and how large they may be: a wall of 4096 x 4096
+# cells is a large terrain, and 10,000 copies are more than any object has.
+_COUNTS = {"width": 1 << 14, "height": 1 << 14, "nrow": 1 << 12, "ncol": 1 << 12, "count": 10_000,
+           "nuserdata": 1 << 20, "nuser_body": 1 << 12, "nconmax": 1 << 22, "njmax": 1 << 22}
+_REPEATS = "replicate"  # whose counts multiply where one stands in another
 # MuJoCo parses what these name as XML, whatever the file is called.
 _XML_TAGS = frozenset(["include", "model"])
 
 
-def check_model_files(path: Path) -> tuple[Path, ...]:
+def home_of(path: Path, root: Path | None = None) -> Path:
+    """Return the folder that nothing of a model may leave.
+
+    The one the user named; else the ROS package the file lies in, which a package.xml marks; else
+    the file's own folder.
+
+    Args:
+        path: main MJCF or URDF file.
+        root: named by the user; the file must lie in it.
+
+    Raises:
+        CheckError: if the file does not lie in `root`.
+    """
+    own = path.resolve().parent
+    if root is not None:
+        if not own.is_relative_to(root.resolve()):
+            raise CheckError(f"{path}: does not lie in {root}. Expected --root to be a folder "
+                             "above the model, where all its files are.")
+        return root.resolve()
+    return next((f for f in (own, *own.parents) if (f / "package.xml").is_file()), own)
+
+
+def package_file(name: str, path: Path, home: Path) -> Path | None:
+    """Return the file that `package://PACKAGE/place` means, None if there is none.
+
+    PACKAGE is a folder above the model, or beside one of those, within its home.
+
+    Args:
+        name: as it stands in the model.
+        path: of the model.
+        home: of `home_of`.
+    """
+    package, _, place = name.removeprefix("package://").partition("/")
+    own = path.resolve().parent
+    above = [f for f in (own, *own.parents) if f.is_relative_to(home)]
+    tried = [f / package / place for f in above]
+    tried += [f / place for f in above if f.name == package or (f / "package.xml").is_file()]
+    tried += [own / place, own / Path(place).name]
+    return next((f.resolve() for f in tried
+                 if f.is_file() and f.resolve().is_relative_to(home)), None)
+
+
+def check_model_files(path: Path, root: Path | None = None) -> tuple[Path, ...]:
     """Return every XML file of a model whose references stay inside its own folder.
 
     MuJoCo itself follows `../`, absolute paths and links, so this runs before it sees the file.
@@ -26,6 +74,7 @@ def check_model_files(path: Path) -> tuple[Path, ...]:
 
     Args:
         path: main MJCF or URDF file.
+        root: folder that nothing may leave, if not that of `home_of`.
 
     Returns:
         The main file and every included file.
@@ -34,8 +83,8 @@ def check_model_files(path: Path) -> tuple[Path, ...]:
         CheckError: unreadable or malformed XML, a document type declaration (entities), more than
             200 files or 64 MB, or a reference that leaves the folder of `path`.
     """
-    folder = path.resolve().parent
-    bases, named, seen = [folder], dict[tuple[str, bool], Path](), list[Path]()
+    folder, own = home_of(path, root), path.resolve().parent
+    bases, named, seen = [own], dict[tuple[str, bool], Path](), list[Path]()
     waiting, budget = [path], MAX_XML_BYTES
     while waiting:
         current = waiting[0]
@@ -44,14 +93,15 @@ def check_model_files(path: Path) -> tuple[Path, ...]:
         budget -= len(content)
         folders, files = _references(content, current)
         named = dict.fromkeys(files, current) | named
-        own = [folder, current.resolve().parent]
-        bases += own + [f for name in folders for f in _inside(name, own, folder, current)]
+        places = [own, current.resolve().parent]
+        bases += places + [f for name in folders for f in _inside(name, places, folder, current)]
         bases = list(dict.fromkeys(bases))
         # a folder set in one file holds in all of them: names found earlier are looked up again
         documents = {name: where for (name, xml), where in named.items() if xml}
         waiting = _unseen(documents, bases, folder, seen)
     for (name, _), where in named.items():
-        _inside(name, bases, folder, where)
+        if not (name.startswith("package://") and package_file(name, path, folder)):
+            _inside(name, bases, folder, where)
     return tuple(seen)
 
 
@@ -86,9 +136,10 @@ def _read(path: Path, budget: int) -> bytes:
 
 def _references(content: bytes, where: Path) -> tuple[list[str], list[tuple[str, bool]]]:
     """Return asset folders and (file name, whether it is XML) that one document mentions."""
-    folders, files = list[str](), list[tuple[str, bool]]()
+    folders, files, copies = list[str](), list[tuple[str, bool]](), [1.0]
 
     def start(tag: str, attributes: dict[str, str]) -> None:
+        copies.append(copies[-1] * _counted(tag, attributes, copies[-1], where))
         for key, value in attributes.items():
             if tag == "compiler" and key in _FOLDER_ATTRIBUTES:
                 folders.append(value)
@@ -103,6 +154,7 @@ def _references(content: bytes, where: Path) -> tuple[list[str], list[tuple[str,
 
     parser = expat.ParserCreate()
     parser.StartElementHandler = start
+    parser.EndElementHandler = lambda _: copies.pop()
     parser.StartDoctypeDeclHandler = refuse
     try:
         parser.Parse(content, True)
@@ -111,7 +163,25 @@ def _references(content: bytes, where: Path) -> tuple[list[str], list[tuple[str,
             f"{where}:{error.lineno}: is not well-formed XML ({expat.ErrorString(error.code)}). "
             "Expected an MJCF or URDF file; repair it or give another file."
         ) from None
+    except (LookupError, ValueError) as error:  # an encoding that Python knows not, or not singly
+        raise CheckError(
+            f"{where}: has an encoding that cannot be read ({error}). Expected UTF-8; correct the "
+            "<?xml ...?> line."
+        ) from None
     return folders, files
+
+
+def _counted(tag: str, attributes: dict[str, str], copies: float, where: Path) -> float:
+    """Return how often an element's content is repeated; refuse what would fill the memory."""
+    for key, most in _COUNTS.items():
+        words = attributes.get(key, "").split() if key in attributes else []
+        sizes = [abs(float(w)) for w in words if w.replace(".", "", 1).lstrip("+").isdigit()]
+        total = math.prod(sizes) * (copies if tag == _REPEATS else 1.0)
+        if total > most:
+            raise CheckError(f"{where}: <{tag} {key}={attributes[key][:60]!r}> asks for {total:g}, "
+                             f"more than {most}. Expected an object of ordinary size; lower it.")
+    repeated = attributes.get("count", "1") if tag == _REPEATS else "1"
+    return max(float(repeated), 1.0) if repeated.isdigit() else 1.0
 
 
 def _inside(name: str, bases: list[Path], folder: Path, where: Path) -> list[Path]:
@@ -127,6 +197,7 @@ def _inside(name: str, bases: list[Path], folder: Path, where: Path) -> list[Pat
         raise CheckError(
             f"{where}: refers to {name[:200]!r}, which leaves the folder {folder} "
             "or is no file name. Expected every mesh, texture and include below the model's own "
-            "folder; copy the file there and use a relative path."
+            "folder; copy the file there and use a relative path, or name a folder above it with "
+            "--root."
         )
     return inside

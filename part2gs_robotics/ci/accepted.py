@@ -53,10 +53,13 @@ class Baseline:
         return cls(file, names)
 
     def rewritten(self, reports: Iterable[CheckReport]) -> Baseline:
-        """Return a baseline of what fails now, written to its file; other assets stay as known."""
+        """Return a baseline of what fails now, written to its file.
+
+        Other assets, and those that cannot be used, stay as known.
+        """
         assert self.file is not None  # `read` has refused that
         now = {self._name(report): sorted({_row(r) for r in report.results if r.status in BAD})
-               for report in reports}
+               for report in reports if not report.unusable}
         known = {path: rows for path, rows in sorted((dict(self.known) | now).items()) if rows}
         text = json.dumps({"format": 1, "accepted": known}, indent=1)
         write_text_atomic(self.file, text + "\n")
@@ -64,6 +67,8 @@ class Baseline:
 
     def accepted(self, report: CheckReport) -> CheckReport:
         """Return the report with known failures turned into warnings that say so."""
+        if report.unusable:
+            return report
         known = set(self.known.get(self._name(report), ())) if self.file else set()
         rows = tuple(replace(r, status="warn", detail=f"accepted by {self.file}: {r.detail}")
                      if r.status in BAD and _row(r) in known else r for r in report.results)
@@ -77,7 +82,12 @@ class Baseline:
 
 
 def disabled(report: CheckReport, reasons: Mapping[str, str]) -> CheckReport:
-    """Return the report with failures of disabled checks skipped; each row says the reason."""
+    """Return the report with failures of disabled checks skipped; each row says the reason.
+
+    An asset that cannot be used passes no check, so none is disabled for it.
+    """
+    if report.unusable:
+        return report
     rows = []
     for found in report.results:
         reason = reasons.get(check_id(found.name))

@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-import os
 import time
 from collections.abc import Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, field, replace
 from functools import partial
-from multiprocessing import get_context
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from part2gs_robotics.ci.accepted import Baseline, disabled
+from part2gs_robotics.ci.alone import Request, check_alone, check_here, is_ours
 from part2gs_robotics.ci.cache import kept, key_of, load
 from part2gs_robotics.errors import CheckError
+from part2gs_robotics.runtime.threads import in_threads
 
 if TYPE_CHECKING:
     from part2gs_robotics.sim_checks.result import CheckReport
@@ -27,6 +26,8 @@ class Wishes:
     Attributes:
         steps: positions per joint of the overlap sweep.
         samples: draws of the joints from their standard deviations; 0 = none.
+        stress: also the long rows: ten seconds of rest, slow drives.
+        root: folder that nothing a model names may leave; None = that of each.
         jobs: assets at a time; 0 = one a core.
         cache: folder of earlier results; None = check anew.
         disabled: reason by id of every check whose failures do not count.
@@ -36,6 +37,8 @@ class Wishes:
 
     steps: int = 21
     samples: int = 0
+    stress: bool = False
+    root: Path | None = None
     jobs: int = 0
     cache: Path | None = None
     disabled: Mapping[str, str] = field(default_factory=dict)
@@ -44,15 +47,15 @@ class Wishes:
 
 
 def check_assets(paths: Sequence[Path], wishes: Wishes) -> list[CheckReport]:
-    """Return one report per path, in their order.
+    """Return one report per path, in their order; one that cannot be used stops no other.
 
     Raises:
         CheckError: a path, the cache, the baseline or the id of a disabled check cannot be used.
     """
     for path in paths:
         if not path.exists():  # said before minutes are spent on the others
-            raise CheckError(f"{path}: does not exist. Needed a twin folder, an MJCF or a URDF "
-                             "file; check the path.")
+            raise CheckError(f"{path}: does not exist. Needed a twin folder, an MJCF, URDF or "
+                             "USD file; check the path.")
     known = Baseline.read(wishes.baseline, wishes.rewrite)
     reports = [disabled(report, wishes.disabled) for report in _checked(paths, wishes)]
     if wishes.rewrite:
@@ -62,7 +65,9 @@ def check_assets(paths: Sequence[Path], wishes: Wishes) -> list[CheckReport]:
 
 def _checked(paths: Sequence[Path], wishes: Wishes) -> list[CheckReport]:
     began = time.perf_counter()
-    keys = [key_of(path, wishes.steps, wishes.samples) if wishes.cache else "" for path in paths]
+    asked = [Request(str(path), str(wishes.root or ""), wishes.steps, wishes.samples, wishes.stress)
+             for path in paths]
+    keys = [key_of(request, wishes.cache) if wishes.cache else "" for request in asked]
     found = [load(wishes.cache, key) for key in keys]
     # Relabelled: the same content may lie somewhere else today.
     reports = [None if report is None else
@@ -70,34 +75,17 @@ def _checked(paths: Sequence[Path], wishes: Wishes) -> list[CheckReport]:
                        notes=(*report.notes, "from the cache: nothing it depends on has changed"))
                for path, report in zip(paths, found, strict=True)]
     missing = [i for i, report in enumerate(reports) if report is None]
-    fresh = _side_by_side([paths[i] for i in missing], wishes)
+    fresh = _side_by_side([asked[i] for i in missing], wishes.jobs)
     for i, report in zip(missing, fresh, strict=True):
         reports[i] = report
-        if wishes.cache:
+        if wishes.cache and not report.unusable:  # more time or memory may help the next time
             kept(wishes.cache, keys[i], report)
     return [report for report in reports if report is not None]
 
 
-def _side_by_side(paths: Sequence[Path], wishes: Wishes) -> list[CheckReport]:
-    one = partial(check_one, steps=wishes.steps, samples=wishes.samples)
-    jobs = min(wishes.jobs or os.cpu_count() or 1, len(paths))
-    if jobs < 2:
-        return [one(path) for path in paths]
-    # Spawned: a fork would inherit locks of the engine's and numpy's threads.
-    with ProcessPoolExecutor(jobs, get_context("spawn")) as pool:
-        return list(pool.map(one, paths))
-
-
-def check_one(path: Path, steps: int, samples: int) -> CheckReport:
-    """Return the report of one asset, chances included where they are wanted."""
-    from part2gs_robotics.sim_checks import check
-
-    report = check(path, steps=steps)
-    if not samples:
-        return report
-    from part2gs_robotics.chance import chances
-
-    began = time.perf_counter()
-    rows = chances(path, samples)
-    return replace(report, results=(*report.results, *rows),
-                   seconds=report.seconds + time.perf_counter() - began)
+def _side_by_side(requests: Sequence[Request], jobs: int) -> list[CheckReport]:
+    """Return the reports: twin folders one after another here, all others in processes."""
+    one_by_one = jobs == 1 or len(requests) == 1
+    return in_threads([partial(
+        check_here if one_by_one and is_ours(Path(request.path)) else check_alone, request)
+        for request in requests], jobs)

@@ -13,13 +13,14 @@ from typing import TypeVar
 T = TypeVar("T")
 
 
-def in_threads(tasks: Sequence[Callable[[], T]]) -> list[T]:
-    """Return what the tasks return, in order; as many run at once as there are cores.
+def in_threads(tasks: Sequence[Callable[[], T]], most: int = 0) -> list[T]:
+    """Return what the tasks return, in order.
 
     Args:
         tasks: that share what they use only to read it; one that changes it takes a copy.
+        most: tasks that run at once; 0 = as many as there are cores.
     """
-    threads = min(len(tasks), _cores())
+    threads = min(len(tasks), most or _cores())
     if threads < 2:
         return [task() for task in tasks]
     with ThreadPoolExecutor(threads, "task") as pool:

@@ -14,6 +14,7 @@ from synth import toy_cabinet_twin
 
 from part2gs_robotics import cli
 from part2gs_robotics.ci import Wishes, check_assets
+from part2gs_robotics.ci.alone import Request
 from part2gs_robotics.ci.cache import key_of
 from part2gs_robotics.errors import CheckError
 from part2gs_robotics.exporters.mjcf import write_mjcf
@@ -52,19 +53,28 @@ def test_a_report_comes_back_from_the_cache_as_it_was(tmp_path: Path) -> None:
 
 def test_whatever_changes_a_verdict_changes_the_key(tmp_path: Path) -> None:
     file = model(tmp_path / "a")
-    key = key_of(file, 21, 0)
-    assert key == key_of(file, 21, 0) != key_of(file, 5, 0)
+    asked = Request(str(file))
+    key = key_of(asked)
+    hows = [replace(asked, steps=5), replace(asked, samples=9), replace(asked, stress=True),
+            replace(asked, root=str(tmp_path))]
+    assert key == key_of(asked)
+    assert len({key, *map(key_of, hows)}) == 5
     (file.parent / "mesh.obj").write_text("v 0 0 0")
-    beside = key_of(file, 21, 0)
+    beside = key_of(asked)
     file.write_text(LID.format(name="other"))
-    assert len({key, beside, key_of(file, 21, 0)}) == 3
+    assert len({key, beside, key_of(asked)}) == 3
+    for other, same in (("beside.obj", False), (".git/index", True), ("kept/a.json", True)):
+        before = key_of(hows[-1], tmp_path / "kept")  # what --root lets it name counts as well
+        (tmp_path / other).parent.mkdir(exist_ok=True)
+        (tmp_path / other).write_text("v 0 0 0")
+        assert (key_of(hows[-1], tmp_path / "kept") == before) == same
 
 
 def test_a_damaged_cache_is_no_verdict(tmp_path: Path) -> None:
     file, cache = model(tmp_path / "a", SHORT), tmp_path / "cache"
     first = check_assets([file], Wishes(steps=5, cache=cache))[0]
     for text in ("", "{}", '{"checks": 3}', "[1]"):
-        (cache / f"{key_of(file, 5, 0)}.json").write_text(text)
+        (cache / f"{key_of(Request(str(file), steps=5))}.json").write_text(text)
         again = check_assets([file], Wishes(steps=5, cache=cache))[0]
         assert again.results == first.results
         assert not again.ok
