@@ -12,7 +12,16 @@ import numpy as np
 from part2gs_robotics.assets.driven import DrivenJoint
 from part2gs_robotics.model.arrays import F64
 from part2gs_robotics.runtime.threads import in_threads
-from part2gs_robotics.sim_checks.actuation import CONTROL, HIGH, LOW, REACH, start, warnings_of
+from part2gs_robotics.sim_checks.actuation import (
+    CONTROL,
+    HIGH,
+    LOW,
+    REACH,
+    STILL_ANGLE,
+    STILL_SHARE,
+    start,
+    warnings_of,
+)
 from part2gs_robotics.sim_checks.result import CheckResult, passed, row
 from part2gs_robotics.sim_checks.subject import Subject
 
@@ -29,14 +38,15 @@ EARTH = 9.81  # units/s2 where a model has no gravity
 def check_passive(subject: Subject) -> list[CheckResult]:
     """Push every joint through its range, and let go of all at both observed states.
 
-    Both without gravity: a hand carries the weight, and gravity explains no motion.
+    Both without gravity: a hand carries the weight, and gravity explains no motion. Others stay
+    still under a push, but for what carries the joint and what it carries: those feel its inertia.
     """
     model = copy(subject.model)
     model.opt.gravity[:] = 0
     floating = replace(subject, model=model)
     moving = [j for j in subject.joints if j.span > 0]
-    rows = in_threads([partial(_push, floating, j, push_of(subject, j)) for j in moving])
-    return [*rows, *_drift(subject, floating)]
+    pushed = in_threads([partial(_push, floating, j, push_of(subject, j)) for j in moving])
+    return [*(r for rows in pushed for r in rows), *_drift(subject, floating)]
 
 
 def push_of(subject: Subject, joint: DrivenJoint) -> float:
@@ -47,11 +57,12 @@ def push_of(subject: Subject, joint: DrivenJoint) -> float:
     return PUSH * gravity * float(np.sqrt(mass * model.dof_M0[joint.dof]))
 
 
-def _push(subject: Subject, joint: DrivenJoint, force: float) -> CheckResult:
+def _push(subject: Subject, joint: DrivenJoint, force: float) -> list[CheckResult]:
     """Push a joint up its range and back; a joint that is stuck is not asked to come back."""
     data = start(subject, joint, LOW)
+    before = data.qpos.copy()
     up, seconds = _pushed(subject, data, joint, force)
-    reached, took = up - LOW, f"{seconds:.1f}"
+    reached, took, top = up - LOW, f"{seconds:.1f}", data.qpos.copy()
     if up >= LOW + REACH * (HIGH - LOW):
         down, seconds = _pushed(subject, data, joint, -force)
         reached, took = min(reached, up - down), f"{took} and {seconds:.1f}"
@@ -61,7 +72,22 @@ def _push(subject: Subject, joint: DrivenJoint, force: float) -> CheckResult:
     detail = f"{force:.3g} {unit}, {PUSH:.0%} of its weight, for {took} s"
     detail += f"; {said}" if said else ""
     status = passed(reached >= REACH and not said)
-    return CheckResult("push", joint.name, status, float(reached), REACH, "of the way", detail)
+    moved = np.maximum(np.abs(top - before), np.abs(data.qpos - before))
+    return [CheckResult("push", joint.name, status, float(reached), REACH, "of the way", detail),
+            *_undisturbed(subject, joint, moved)]
+
+
+def _undisturbed(subject: Subject, joint: DrivenJoint, moved: F64) -> list[CheckResult]:
+    """Return the joint that a push on another one moved most, against what it may move."""
+    body = int(subject.model.jnt_bodyid[joint.index])
+    rows = []
+    for other in subject.joints:
+        if int(subject.model.jnt_bodyid[other.index]) in joint.moved or body in other.moved:
+            continue
+        allowed = STILL_ANGLE if other.hinge else STILL_SHARE * subject.size
+        rows.append(row("others pushed", joint.name, float(moved[other.qpos]), allowed, other.unit,
+                        f"moved most: {other.name}"))
+    return [max(rows, key=lambda r: (r.value or 0.0) / (r.limit or 1.0))] if rows else []
 
 
 def _pushed(

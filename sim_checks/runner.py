@@ -42,6 +42,16 @@ WORDS = {  # the engine's message, and what to do about it
 
 
 @dataclass(frozen=True)
+class Extent:
+    """How much is looked at: positions, random poses, the long rows; in a twin folder or not."""
+
+    steps: int
+    poses: int
+    stress: bool
+    folder: bool
+
+
+@dataclass(frozen=True)
 class Models:
     """What is under test.
 
@@ -94,7 +104,8 @@ def check(path: Path, *, steps: int = 21, quick: bool = False, stress: bool = Fa
         messages.clear()
         if models is not None:
             steps, poses = (QUICK_STEPS, QUICK_POSES) if quick else (steps, 64)
-            report = _run(report, models, summary, wanted, (steps, poses), folder is not None)
+            extent = Extent(steps, poses, stress, folder is not None)
+            report = _run(report, models, summary, wanted, extent)
     # Sorted: which simulation speaks first is chance.
     said = tuple(f"the engine warned: {line}" for line in sorted(distinct(messages)))
     return replace(report, notes=report.notes + said, seconds=time.perf_counter() - began)
@@ -227,34 +238,38 @@ def _plain_words(message: str) -> str:
 
 
 def _run(report: CheckReport, models: Models, summary: TwinSummary | None, wanted: set[str],
-         counts: tuple[int, int], twin: bool) -> CheckReport:
-    """Return the report with the rows of all wanted groups; counts: positions and random poses."""
+         extent: Extent) -> CheckReport:
+    """Return the report with the rows of all wanted groups."""
     from part2gs_robotics.sim_checks import static
     from part2gs_robotics.sim_checks.actuation import check_actuation
     from part2gs_robotics.sim_checks.interpenetration import check_interpenetration
     from part2gs_robotics.sim_checks.order import in_order
     from part2gs_robotics.sim_checks.passive import check_passive
+    from part2gs_robotics.sim_checks.response import check_response
+    from part2gs_robotics.sim_checks.rest import check_rest
     from part2gs_robotics.sim_checks.self_intersection import check_self_intersections, warnings_of
     from part2gs_robotics.sim_checks.stability import check_stability
 
-    still, driven = models.still, models.driven
+    still, driven, stress = models.still, models.driven, extent.stress
     rows, curves = list(report.results), list[Curve]()
     rows += static.check_meshes(still) if "mesh" in wanted else []
     rows += check_self_intersections(still) if "mesh" in wanted else []
     rows += static.check_inertia(still) if "inertia" in wanted else []
     rows += static.check_limits(still) if "limits" in wanted else []
-    rows += static.check_states(still, twin) if "states" in wanted else []
+    rows += static.check_states(still, extent.folder) if "states" in wanted else []
     moved = wanted & {"actuation", "overlap", "stability", "passive"}
-    still, sweeps = in_order(still, counts[0]) if moved else (still, {})
+    still, sweeps = in_order(still, extent.steps) if moved else (still, {})
     driven = replace(driven, around=still.around)
     rows += check_actuation(driven) if "actuation" in wanted else []
     if "overlap" in wanted:
-        found, curves = check_interpenetration(still, sweeps, counts[1])
+        found, curves = check_interpenetration(still, sweeps, extent.poses)
         rows += found
     table = static.pieces_table(still) if "overlap" in wanted else []
     rows += static.check_pieces(still, table)
     stuck = {r.subject for r in rows if r.name == "reach" and r.status == "fail"}
-    rows += check_stability(driven, stuck) if "stability" in wanted else []
+    if "stability" in wanted:
+        rows += check_stability(driven, stuck, stress)
+        rows += check_response(driven, stuck, stress) + check_rest(driven, stress)
     rows += check_passive(still) if "passive" in wanted and models.passive else []
     return CheckReport(
         report.path,

@@ -25,6 +25,8 @@ HOLD_TIME = 3.0  # s
 DRIFT = 1e-3  # of the range during the last second of holding
 FALLEN = 0.01  # of the range in all: a servo of ours droops by 0.4 % under weight and friction
 ENERGY = 0.01  # of the weight times the size: what rounding and soft contacts may add
+SHORT, LONG = 2.0, 10.0  # s after letting go, and under stress
+SAMPLE = 0.05  # s between looks at the energy
 COMMANDS = 50  # of one ramp
 
 
@@ -36,12 +38,15 @@ class End:
     warnings: tuple[str, ...]
 
 
-def check_stability(subject: Subject, stuck: Collection[str] = ()) -> list[CheckResult]:
+def check_stability(
+    subject: Subject, stuck: Collection[str] = (), stress: bool = False
+) -> list[CheckResult]:
     """Return one row per joint and per variation of step and gain, plus hold and energy rows.
 
     Args:
         subject: the model under test.
         stuck: joints that cannot travel; where a jam rests says nothing about the step.
+        stress: watch energy for ten seconds.
     """
     rows, step = list[CheckResult](), subject.model.opt.timestep
     driven = [j for j in subject.joints if j.servo >= 0 and j.span > 0]  # actuation told the rest
@@ -57,7 +62,8 @@ def check_stability(subject: Subject, stuck: Collection[str] = ()) -> list[Check
             rows.append(CheckResult("time step", joint.name, "incomplete", detail=why))
         else:
             rows += _vary(step, joint, ends[joint.index])
-    rest = in_threads([partial(_hold, subject), partial(_energy, subject)])
+    seconds = LONG if stress else SHORT
+    rest = in_threads([partial(_hold, subject), partial(_energy, subject, seconds)])
     return [*rows, *rest[0], *rest[1]]
 
 
@@ -160,21 +166,21 @@ def _failed(result: CheckResult) -> CheckResult:
     )
 
 
-def _energy(subject: Subject) -> list[CheckResult]:
+def _energy(subject: Subject, seconds: float) -> list[CheckResult]:
     """Let go of all servos at every observed state: nothing gains energy."""
     if not subject.joints:
         return []
     states = {k: v for k, v in subject.states.items() if k.startswith("state_")}
-    gains = {name: _gained(subject, qpos)
+    gains = {name: _gained(subject, qpos, seconds)
              for name, qpos in (states or {"reference": subject.model.qpos0}).items()}
     worst = max(gains, key=lambda n: np.nan_to_num(gains[n][0], nan=np.inf))
     gained, said = gains[worst]
     result = row("passive", "", gained, ENERGY, "of m g size",
-                 f"energy gained in 2 s, servos off, let go at {worst}")
+                 f"energy gained in {seconds:g} s, servos off, let go at {worst}")
     return [_failed(result) if said or not np.isfinite(gained) else result]
 
 
-def _gained(subject: Subject, qpos: F64) -> tuple[float, tuple[str, ...]]:
+def _gained(subject: Subject, qpos: F64, seconds: float) -> tuple[float, tuple[str, ...]]:
     """Return the largest gain of energy after letting go, of m g size, and the warnings."""
     import mujoco
 
@@ -188,8 +194,8 @@ def _gained(subject: Subject, qpos: F64) -> tuple[float, tuple[str, ...]]:
     model.opt.enableflags |= int(mujoco.mjtEnableBit.mjENBL_ENERGY)
     mujoco.mj_forward(model, data)
     first, highest = float(data.energy.sum()), -np.inf
-    for _ in range(40):
-        mujoco.mj_step(model, data, max(1, round(0.05 / model.opt.timestep)))
+    for _ in range(round(seconds / SAMPLE)):
+        mujoco.mj_step(model, data, max(1, round(SAMPLE / model.opt.timestep)))
         highest = max(highest, float(data.energy.sum()))
     gravity = float(np.linalg.norm(model.opt.gravity)) or 9.81
     scale = float(model.body_subtreemass[0]) * gravity * subject.size

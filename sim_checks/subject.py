@@ -8,7 +8,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from part2gs_robotics.assets.driven import DrivenJoint, driven_joints, followers_of, is_simple
+from part2gs_robotics.assets.driven import (
+    DrivenJoint,
+    driven_joints,
+    followers_of,
+    held_joints,
+    is_simple,
+)
 from part2gs_robotics.assets.pairs import keep_apart, meeting_pairs
 from part2gs_robotics.assets.servos import add_servos
 from part2gs_robotics.model.arrays import F64
@@ -119,7 +125,18 @@ def make_subject(
     skipped = [model.joint(j).name for j in range(model.njnt) if not is_simple(model, j)]
     if skipped:
         notes += (f"ball joints are not driven: {', '.join(skipped)}",)
-    return _geometry(model, notes, ours)
+    subject = _geometry(model, notes, ours)
+    return subject if ours else _without_held(subject)
+
+
+def _without_held(subject: Subject) -> Subject:
+    """Return a subject of others without the joints that its own welds hold."""
+    held = held_joints(subject.model, subject.joints)
+    if not held:
+        return subject
+    note = f"held by a weld or loop of the model, not driven: {', '.join(j.name for j in held)}"
+    return replace(subject, joints=tuple(j for j in subject.joints if j not in held),
+                   notes=(*subject.notes, note))
 
 
 def actuated_twin(passive: Subject, path: Path, options: mujoco.MjOption | None) -> Subject:

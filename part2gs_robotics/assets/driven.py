@@ -70,6 +70,23 @@ def followers_of(model: mujoco.MjModel) -> tuple[tuple[int, int, F64], ...]:
     return tuple(out)
 
 
+def held_joints(
+    model: mujoco.MjModel, joints: tuple[DrivenJoint, ...]
+) -> tuple[DrivenJoint, ...]:
+    """Return the joints that a weld or loop of the model holds: no servo moves one alone."""
+    import mujoco
+
+    kinds = (int(mujoco.mjtEq.mjEQ_WELD), int(mujoco.mjtEq.mjEQ_CONNECT))
+    site = int(mujoco.mjtObj.mjOBJ_SITE)
+    ends = []
+    for e in range(model.neq):
+        if int(model.eq_type[e]) in kinds and model.eq_active0[e]:
+            pair = (int(model.eq_obj1id[e]), int(model.eq_obj2id[e]))
+            sites = int(model.eq_objtype[e]) == site
+            ends.append(tuple(int(model.site_bodyid[i]) for i in pair) if sites else pair)
+    return tuple(j for j in joints if any((a in j.moved) != (b in j.moved) for a, b in ends))
+
+
 def driven_joints(model: mujoco.MjModel) -> tuple[DrivenJoint, ...]:
     """Return every hinge and slide that does not merely follow another one."""
     import mujoco

@@ -45,7 +45,8 @@ def keep_apart(spec: mujoco.MjSpec, bases: Sequence[mujoco.MjsBody]) -> None:
     The parent filter hides those while a base floats, not once it stands still.
     """
     for base in bases:
-        rigid, hung = [base], list[mujoco.MjsBody]()
+        rigid: list[mujoco.MjsBody] = [base]
+        hung: list[mujoco.MjsBody] = []
         for body in rigid:  # grows while it is gone through
             for child in body.bodies:
                 (hung if child.joints else rigid).append(child)
