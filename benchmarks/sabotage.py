@@ -24,6 +24,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import sabotage_dynamics
 import sabotage_exports
 import sabotage_files
 import sabotage_models
@@ -40,7 +41,8 @@ from part2gs_robotics.sim_checks.runner import GROUPS
 ROOT = Path(__file__).resolve().parents[1]
 RESULTS, PAGE = ROOT / "benchmarks/results/sabotage.json", ROOT / "docs/sabotage.md"
 MARKS = "<!-- sabotage:begin -->", "<!-- sabotage:end -->"
-KINDS = (*sabotage_models.kinds(), *sabotage_files.kinds(), *sabotage_exports.kinds())
+KINDS = (*sabotage_models.kinds(), *sabotage_dynamics.kinds(), *sabotage_files.kinds(),
+         *sabotage_exports.kinds())
 PHYSICS = tuple(g for g in GROUPS if g != "files")
 
 

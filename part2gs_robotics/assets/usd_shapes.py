@@ -167,10 +167,12 @@ class Shapes:
         lines = ["v " + _text(p) for p in points] + [
             f"f {a + 1} {b + 1} {c + 1}" for a, b, c in faces]
         (self.folder / f"{name}.obj").write_text("\n".join(lines) + "\n")
-        ET.SubElement(self.assets, "mesh", name=name, file=f"{name}.obj", inertia="shell")
         near = str(prim.GetAttribute("physics:approximation").Get() or "")
         collides = bool(prim.GetAttribute("physics:collisionEnabled").Get() is not False
                         and "PhysicsCollisionAPI" in prim.GetAppliedSchemas() and near in HULLS)
+        # an open mesh that is only seen has no volume to weigh, and weighs nothing
+        ET.SubElement(self.assets, "mesh", name=name, file=f"{name}.obj",
+                      inertia="convex" if collides else "shell")
         given = {"group": "3", "density": DENSITY} if collides else {
             "group": "2", "contype": "0", "conaffinity": "0", "density": "0"}
         return ET.Element("geom", type="mesh", mesh=name, name=f"{name}_{prim.GetName()}", **given)

@@ -67,7 +67,7 @@ def test_overshoot_and_turns_of_a_loose_servo(tmp_path: Path, zeta: float) -> No
     swings = 30 * root / np.pi * min(3.0, np.log(1e3) / (30 * zeta))
     assert abs(step.turns - swings) <= 2
     rows = check_response(subject)
-    assert ("overshoot" in failed(rows)) == (zeta < 0.28)
+    assert ("overshoot" in failed(rows)) == (zeta < 0.4)
 
 
 def test_a_servo_without_damping_is_caught_three_ways(tmp_path: Path) -> None:
@@ -83,11 +83,17 @@ def test_a_soft_servo_settles_late(tmp_path: Path) -> None:
     assert "settling" in failed(check_response(subject))
 
 
+def test_a_step_does_not_depend_on_the_force_range(tmp_path: Path) -> None:
+    """A servo that saturates swings whatever its gains are; the fast drive is its trial."""
+    subject = slider(tmp_path, force='forcerange="-20 20"')
+    assert abs(step_of(subject, subject.joints[0]).overshoot) < 1e-4
+
+
 def test_effort_is_weight_over_force_range(tmp_path: Path) -> None:
     """Slowly lifted, a kilogram takes 9.81 N of 20."""
     subject = slider(tmp_path, gravity="0 0 -9.81", kp=1e4, kv=200, force='forcerange="-20 20"')
     run = run_of(subject, subject.joints[0], SLOW)
-    assert run.effort == pytest.approx(9.81 / 20, rel=0.02)
+    assert run.effort == pytest.approx(9.81 / 20, rel=0.03)  # and 0.06 N to set it in motion
     assert run.speeding == pytest.approx(1.0, abs=0.02)
 
 
