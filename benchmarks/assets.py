@@ -20,7 +20,8 @@ from typing import Any
 
 from reconstruction_suite import git, insert
 
-from part2gs_robotics.sim_checks.alone import Answer, Request, check_alone
+from part2gs_robotics.ci.alone import Request, check_alone
+from part2gs_robotics.sim_checks.result import CheckReport
 
 ROOT = Path(__file__).resolve().parents[1]
 RESULTS, PAGE = ROOT / "benchmarks/results/assets.json", ROOT / "docs/assets.md"
@@ -55,21 +56,20 @@ def found(paths: list[Path]) -> list[Path]:
     return out
 
 
-def told(path: Path, answer: Answer) -> dict[str, Any]:
+def told(path: Path, report: CheckReport) -> dict[str, Any]:
     """Return the row of one asset: verdict, joints, what fails and warns, causes, seconds."""
-    checks: list[dict[str, Any]] = answer.tree["checks"]  # type: ignore[assignment]
-    notes: list[str] = answer.tree["notes"]  # type: ignore[assignment]
+    checks = [row.to_dict() for row in report.results]
     name = path.parent.name if path.stem == "model" else path.name
     bad = [c for c in checks if c["status"] in ("fail", "incomplete")]
     return {
-        "asset": name, "format": path.suffix.lstrip(".") or "twin", "verdict": CODES[answer.code],
-        "joints": len(answer.tree["joints"]),  # type: ignore[arg-type]
+        "asset": name, "format": path.suffix.lstrip(".") or "twin", "verdict": CODES[report.exit_code],
+        "joints": len(report.joints),
         "fails": dict(Counter(c["check"] for c in bad)),
         "warns": dict(Counter(c["check"] for c in checks if c["status"] == "warn")),
         "cause": bad[0]["cause"] if bad else "",
-        "waits": [n.partition(" waits")[0] for n in notes if " waits for other joints" in n],
+        "waits": [n.partition(" waits")[0] for n in report.notes if " waits for other joints" in n],
         "blocks": sum(c["check"] == "blocking" for c in checks),
-        "seconds": answer.tree["seconds"]}
+        "seconds": round(report.seconds, 3)}
 
 
 def markdown(results: dict[str, Any]) -> str:

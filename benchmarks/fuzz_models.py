@@ -8,8 +8,8 @@ names, bytes, encodings, meshes; or a bomb of entities, copies, sizes or nesting
 leaves the folder, which must be refused. Each is checked in a process of its own, every fifth by
 all checks, the others by those that need no simulation. Verdicts are those of the command line:
 0 passes, 1 fails, 2 refused; `crashed` is exit code 3, `killed` a signal, `hung` more than 60 s,
-`escaped` a name outside that was not refused. Numbers go to benchmarks/results/fuzz_models.json, the table
-to docs/checks.md; --count below 20,000 writes neither.
+`escaped` a name outside that was not refused. Numbers go to benchmarks/results/fuzz_models.json,
+the table to docs/checks.md; --look writes neither.
 """
 
 from __future__ import annotations
@@ -75,12 +75,13 @@ def main() -> int:
     parser.add_argument("--count", type=int, default=20_000, help="mutants")
     parser.add_argument("--first", type=int, default=0, help="seed of the first one")
     parser.add_argument("--minutes", type=float, default=60.0, help="stop after these")
+    parser.add_argument("--look", action="store_true", help="write nothing")
     args = parser.parse_args()
     with tempfile.TemporaryDirectory() as place:
         found = fuzz(Path(place), range(args.first, args.first + args.count), args.minutes * 60)
     table = markdown(found)
     sys.stdout.write(table)
-    if args.count >= 20_000:
+    if not args.look:
         RESULTS.write_text(json.dumps(found, indent=1) + "\n")
         PAGE.write_text(insert(PAGE.read_text(), table, *MARKS))
     return int(any(found["verdicts"].get(v) for v in ("crashed", "killed", "hung", "escaped")))

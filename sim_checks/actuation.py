@@ -57,18 +57,19 @@ def check_actuation(subject: Subject) -> list[CheckResult]:
         if why:
             rows.append(CheckResult("actuation", joint.name, "incomplete", detail=why))
         else:
-            found = _judge(subject, joint, next(traces))
-            rows += found if subject.ours or joint.ours else _theirs(found)
-    return rows
+            rows += _judge(subject, joint, next(traces))
+    return theirs(subject, rows)
 
 
-def _theirs(rows: list[CheckResult]) -> list[CheckResult]:
+def theirs(subject: Subject, rows: list[CheckResult]) -> list[CheckResult]:
     """Return what fails with a servo of others as warnings: how strong it is is their affair.
 
     Whether anything is in the way of the joint is told by the sweep of what collides.
     """
     cause = "the model's own servo or its ctrlrange keeps the joint from following; raise them"
-    return [replace(r, status="warn", cause=cause) if r.status == "fail" else r for r in rows]
+    weak = set() if subject.ours else {j.name for j in subject.joints if not j.ours}
+    return [replace(r, status="warn", cause=cause) if r.status == "fail" and r.subject in weak
+            else r for r in rows]
 
 
 def _why_not(subject: Subject, joint: DrivenJoint) -> str | None:

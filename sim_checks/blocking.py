@@ -16,13 +16,72 @@ import numpy as np
 
 from part2gs_robotics.assets.driven import DrivenJoint
 from part2gs_robotics.model.arrays import F64
-from part2gs_robotics.sim_checks.interpenetration import LIMIT, Pair, Poser, Swept, deepest_of
+from part2gs_robotics.sim_checks.interpenetration import (
+    LIMIT,
+    Pair,
+    Poser,
+    Swept,
+    Worst,
+    deepest_of,
+    graded,
+    measured,
+    names,
+)
+from part2gs_robotics.sim_checks.result import CheckResult, row
 from part2gs_robotics.sim_checks.subject import Subject
 
 THROUGH = 3.0  # x the limit, the noise of one surface: two of them and half as much again
 FACING = 0.5  # cosine of 60 deg between the thin side of an overlap and the motion into it
 LEG = 12  # positions on the way of one joint
 MOST_MOVERS = 3  # joints whose orders are tried: six orders
+
+
+def check_combinations(subject: Subject, sweeps: dict[int, Swept], count: int
+                       ) -> list[CheckResult]:
+    """Return the deepest overlap over random joint combinations, and what real blocks explain.
+
+    Args:
+        subject: the model under test, with the postures of joints that wait.
+        sweeps: of every joint by index.
+        count: combinations; 0 = none.
+    """
+    if not subject.joints or not count:
+        return []
+    rng, poser = np.random.default_rng(0), Poser(subject)
+    deepest: dict[Pair, tuple[Worst, F64]] = {}
+    for turn in range(count):
+        qpos = _combination(subject, rng, turn)
+        poser.pose(qpos)
+        for one in measured(poser.overlaps(poser.pairs)):
+            if one.depth > deepest.get(one.pair, (Worst(), qpos))[0].depth:
+                deepest[one.pair] = one, qpos
+    rows, worst, limit = list[CheckResult](), Worst(), LIMIT * subject.size
+    for pair, (one, qpos) in deepest.items():
+        block = block_of(poser, qpos, pair, sweeps) if one.depth > limit else None
+        if block:
+            rows.append(CheckResult("blocking", names(subject, pair), "pass", detail=block))
+        elif one.depth > worst.depth:
+            worst = one
+    detail = f"{count} random joint combinations"
+    if worst.volume:
+        detail += f", worst {names(subject, worst.pair)}, {worst.volume:.3g} units^3"
+    return [*rows, graded(subject, row("overlap", "", worst.depth, limit, "units", detail))]
+
+
+def _combination(subject: Subject, rng: np.random.Generator, turn: int) -> F64:
+    """Return qpos with random joint positions.
+
+    Where joints wait for others, those that go first are drawn in even turns, and in odd ones those
+    that waited for the same posture, the others there.
+    """
+    waiting = [j for j in subject.joints if j.index in subject.around]
+    drawn = [j for j in subject.joints if j.index not in subject.around]
+    leader = waiting[turn // 2 % len(waiting)] if turn % 2 and waiting else None
+    if leader:
+        posture = subject.around[leader.index]
+        drawn = [j for j in waiting if np.array_equal(subject.around[j.index], posture)]
+    values = {j.qpos: float(rng.uniform(j.low, j.high)) for j in drawn}
+    return subject.at(values, leader)
 
 
 def block_of(poser: Poser, qpos: F64, pair: Pair, sweeps: dict[int, Swept]) -> str | None:

@@ -21,7 +21,6 @@ if TYPE_CHECKING:
 
 LIMIT = 0.002  # of the size: 2 mm on a metre, the noise of a good reconstruction
 OTHERS = 5.0  # x the limit: a shallower overlap in assets of others warns; servos tell if it jams
-RANDOM_POSES = 64  # of all joints at once, besides the sweep of each
 Pair = tuple[int, int]
 
 
@@ -92,9 +91,9 @@ Swept = tuple[Curve, Worst]
 
 
 def check_interpenetration(
-    subject: Subject, sweeps: dict[int, Swept], random_poses: int = RANDOM_POSES
+    subject: Subject, sweeps: dict[int, Swept]
 ) -> tuple[list[CheckResult], list[Curve]]:
-    """Return rows and one curve per joint, of their sweeps and of random combinations."""
+    """Return rows and one curve per joint, of their sweeps."""
     rows, curves = [], []
     missing = [subject.body(b) for b, s in subject.solids.items() if s is None]
     if not subject.ours and len(missing) == len(subject.solids) > 1:
@@ -103,13 +102,10 @@ def check_interpenetration(
     if missing and subject.ours:
         detail = f"no exact overlap for open meshes: {', '.join(missing)}"
         rows.append(CheckResult("overlap", "", "incomplete", detail=detail))
-    poser = Poser(subject)
     for joint in subject.joints:
         curve, deepest = sweeps[joint.index]
         curves.append(curve)
         rows += _joint_rows(subject, joint, curve, deepest)
-    if subject.joints and random_poses:
-        rows += _random_rows(poser, random_poses, sweeps)
     return rows, curves
 
 
@@ -160,7 +156,7 @@ def _joint_rows(
     detail = "no overlap anywhere in the range"
     detail += ", the others at state 1" if joint.index in subject.around else ""
     if worst.volume:
-        detail = f"{_names(subject, worst.pair)} at {worst.position:.4g} {joint.unit}, "
+        detail = f"{names(subject, worst.pair)} at {worst.position:.4g} {joint.unit}, "
         detail += f"{worst.volume:.3g} units^3"
     phantom = [
         max(0.0, c - d) for c, d in zip(curve.contact_depth, curve.overlap_depth, strict=True)
@@ -168,58 +164,18 @@ def _joint_rows(
     at = curve.positions[int(np.argmax(phantom))]
     said = f"contact of convex pieces beyond the true surfaces, most at {at:.4g} {joint.unit}"
     return [
-        _graded(subject, row("overlap", joint.name, worst.depth, limit, "units", detail)),
+        graded(subject, row("overlap", joint.name, worst.depth, limit, "units", detail)),
         row("phantom contact", joint.name, max(phantom), limit, "units", said),
     ]
 
 
-def _graded(subject: Subject, result: CheckResult) -> CheckResult:
+def graded(subject: Subject, result: CheckResult) -> CheckResult:
     """Return a failure as a warning where a shallow overlap is another author's affair."""
     shallow = (result.value or 0.0) <= OTHERS * LIMIT * subject.size
     mild = result.status == "fail" and not subject.ours and shallow
     return replace(result, status="warn") if mild else result
 
 
-def _combination(subject: Subject, rng: np.random.Generator, turn: int) -> F64:
-    """Return qpos with random joint positions.
-
-    Where joints wait for others, those that go first are drawn in even turns, and in odd ones those
-    that waited for the same posture, the others there.
-    """
-    waiting = [j for j in subject.joints if j.index in subject.around]
-    drawn = [j for j in subject.joints if j.index not in subject.around]
-    leader = waiting[turn // 2 % len(waiting)] if turn % 2 and waiting else None
-    if leader:
-        posture = subject.around[leader.index]
-        drawn = [j for j in waiting if np.array_equal(subject.around[j.index], posture)]
-    values = {j.qpos: float(rng.uniform(j.low, j.high)) for j in drawn}
-    return subject.at(values, leader)
-
-
-def _names(subject: Subject, pair: Pair) -> str:
+def names(subject: Subject, pair: Pair) -> str:
+    """Return the names of two bodies."""
     return " and ".join(subject.body(b) for b in pair)
-
-
-def _random_rows(poser: Poser, count: int, sweeps: dict[int, Swept]) -> list[CheckResult]:
-    """Return the deepest overlap over random joint combinations, and what real blocks explain."""
-    from part2gs_robotics.sim_checks.blocking import block_of
-
-    rng, subject = np.random.default_rng(0), poser.subject
-    deepest: dict[Pair, tuple[Worst, F64]] = {}
-    for turn in range(count):
-        qpos = _combination(subject, rng, turn)
-        poser.pose(qpos)
-        for one in measured(poser.overlaps(poser.pairs)):
-            if one.depth > deepest.get(one.pair, (Worst(), qpos))[0].depth:
-                deepest[one.pair] = one, qpos
-    rows, worst, limit = list[CheckResult](), Worst(), LIMIT * subject.size
-    for pair, (one, qpos) in deepest.items():
-        block = block_of(poser, qpos, pair, sweeps) if one.depth > limit else None
-        if block:
-            rows.append(CheckResult("blocking", _names(subject, pair), "pass", detail=block))
-        elif one.depth > worst.depth:
-            worst = one
-    detail = f"{count} random joint combinations"
-    if worst.volume:
-        detail += f", worst {_names(subject, worst.pair)}, {worst.volume:.3g} units^3"
-    return [*rows, _graded(subject, row("overlap", "", worst.depth, limit, "units", detail))]

@@ -14,13 +14,7 @@ from part2gs_robotics.assets.model_files import check_model_files
 from part2gs_robotics.assets.opened import opened
 from part2gs_robotics.errors import CheckError
 from part2gs_robotics.exporters.twin_yaml import TwinSummary, read_twin_yaml
-from part2gs_robotics.sim_checks.result import (
-    CheckReport,
-    CheckResult,
-    Curve,
-    passed,
-    with_causes,
-)
+from part2gs_robotics.sim_checks.result import CheckReport, CheckResult, Curve, passed, with_causes
 from part2gs_robotics.sim_checks.subject import UNREAL, Subject
 
 if TYPE_CHECKING:
@@ -43,7 +37,7 @@ WORDS = {  # the engine's message, and what to do about it
 
 @dataclass(frozen=True)
 class Extent:
-    """How much is looked at: positions, random poses, the long rows; in a twin folder or not."""
+    """Positions, random poses, whether the long rows too; whether in a twin folder."""
 
     steps: int
     poses: int
@@ -242,15 +236,13 @@ def _run(report: CheckReport, models: Models, summary: TwinSummary | None, wante
     """Return the report with the rows of all wanted groups."""
     from part2gs_robotics.sim_checks import static
     from part2gs_robotics.sim_checks.actuation import check_actuation
+    from part2gs_robotics.sim_checks.blocking import check_combinations
     from part2gs_robotics.sim_checks.interpenetration import check_interpenetration
     from part2gs_robotics.sim_checks.order import in_order
     from part2gs_robotics.sim_checks.passive import check_passive
-    from part2gs_robotics.sim_checks.response import check_response
-    from part2gs_robotics.sim_checks.rest import check_rest
     from part2gs_robotics.sim_checks.self_intersection import check_self_intersections, warnings_of
-    from part2gs_robotics.sim_checks.stability import check_stability
 
-    still, driven, stress = models.still, models.driven, extent.stress
+    still, driven = models.still, models.driven
     rows, curves = list(report.results), list[Curve]()
     rows += static.check_meshes(still) if "mesh" in wanted else []
     rows += check_self_intersections(still) if "mesh" in wanted else []
@@ -262,14 +254,12 @@ def _run(report: CheckReport, models: Models, summary: TwinSummary | None, wante
     driven = replace(driven, around=still.around)
     rows += check_actuation(driven) if "actuation" in wanted else []
     if "overlap" in wanted:
-        found, curves = check_interpenetration(still, sweeps, extent.poses)
-        rows += found
+        found, curves = check_interpenetration(still, sweeps)
+        rows += found + check_combinations(still, sweeps, extent.poses)
     table = static.pieces_table(still) if "overlap" in wanted else []
     rows += static.check_pieces(still, table)
     stuck = {r.subject for r in rows if r.name == "reach" and r.status == "fail"}
-    if "stability" in wanted:
-        rows += check_stability(driven, stuck, stress)
-        rows += check_response(driven, stuck, stress) + check_rest(driven, stress)
+    rows += _servos(driven, stuck, extent.stress) if "stability" in wanted else []
     rows += check_passive(still) if "passive" in wanted and models.passive else []
     return CheckReport(
         report.path,
@@ -282,6 +272,17 @@ def _run(report: CheckReport, models: Models, summary: TwinSummary | None, wante
         (*_notes(still, models.passive, wanted), *warnings_of(rows)),
         size=still.size,
     )
+
+
+def _servos(driven: Subject, stuck: set[str], stress: bool) -> list[CheckResult]:
+    """Return what servos make of steps, gains, drives and rest."""
+    from part2gs_robotics.sim_checks.actuation import theirs
+    from part2gs_robotics.sim_checks.response import check_response
+    from part2gs_robotics.sim_checks.rest import check_rest
+    from part2gs_robotics.sim_checks.stability import check_stability
+
+    return theirs(driven, [*check_stability(driven, stuck, stress),
+                           *check_response(driven, stuck, stress), *check_rest(driven, stress)])
 
 
 def _notes(subject: Subject, passive: bool, wanted: set[str]) -> tuple[str, ...]:

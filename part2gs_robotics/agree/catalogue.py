@@ -92,7 +92,8 @@ CHECKS = {
                  "raise kv of the servo in twin_actuated.xml, or lower the time step"),
     "fast drive": _x("a joint goes 0 to 100 % and back in half a second each",
                      "99 % of the way, at most 105 % of the speed commanded (SimReady)",
-                     "raise forcerange and kp of the servo in twin_actuated.xml, kv if it is too fast"),
+                     "raise forcerange and kp of the servo in twin_actuated.xml, kv if it is "
+                     "too fast"),
     "slow drive": _x("a joint goes 0 to 100 % and back in ten seconds each (--stress)",
                      "as the fast drive", "lower friction of the joint, or raise kp of its servo"),
     "effort": _x("a slow drive leaves force for a load (--stress)", "95 % of the force range",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Literal
 
@@ -37,12 +38,17 @@ class CheckResult:
             "id": check_id(self.name),
             "subject": self.subject,
             "status": self.status,
-            "value": self.value,
-            "limit": self.limit,
+            "value": finite(self.value),
+            "limit": finite(self.limit),
             "unit": self.unit,
             "note": self.detail,
             "cause": self.cause,
         }
+
+
+def finite(value: float | None) -> float | None:
+    """Return a number that JSON can say, None for others."""
+    return value if value is not None and math.isfinite(value) else None
 
 
 def passed(good: bool) -> Status:

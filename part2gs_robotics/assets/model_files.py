@@ -15,8 +15,7 @@ _FOLDER_ATTRIBUTES = ("meshdir", "texturedir", "assetdir")
 _FILE_ATTRIBUTES = frozenset(
     ["file", "filename", "fileright", "fileleft", "fileup", "filedown", "filefront", "fileback"]
 )
-# Numbers that make the engine reserve memory, and how large they may be: a wall of 4096 x 4096
-# cells is a large terrain, and 10,000 copies are more than any object has.
+# What makes the engine reserve memory, and how much: a large terrain, more copies than needed.
 _COUNTS = {"width": 1 << 14, "height": 1 << 14, "nrow": 1 << 12, "ncol": 1 << 12, "count": 10_000,
            "nuserdata": 1 << 20, "nuser_body": 1 << 12, "nconmax": 1 << 22, "njmax": 1 << 22}
 _REPEATS = "replicate"  # whose counts multiply where one stands in another

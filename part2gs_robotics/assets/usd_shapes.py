@@ -90,7 +90,7 @@ class Shapes:
         path, place, joint = hung
         bodies, joints, ends = stage
         done.add(path)
-        body = ET.SubElement(element, "body", name=path.rpartition("/")[2], **_pose(place))
+        body = ET.SubElement(element, "body", {"name": path.rpartition("/")[2], **_pose(place)})
         self._inertia(body, bodies[path])
         if joint is not None:
             self._joint(body, joint)
@@ -157,8 +157,9 @@ class Shapes:
             elif one.IsA(UsdGeom.Gprim):
                 points = self._points(one)
                 if points is not None:
-                    matrix = np.array(UsdGeom.XformCache().GetLocalToWorldTransform(one)).T
-                    world = (points @ matrix[:3, :3].T + matrix[:3, 3]) * self.unit
+                    matrix = np.array(UsdGeom.XformCache().GetLocalToWorldTransform(one),
+                                      np.float64).T
+                    world: F64 = (points @ matrix[:3, :3].T + matrix[:3, 3]) * self.unit
                     yield self._geom(one, se3.apply(home, world))
 
     def _geom(self, prim: Usd.Prim, points: F64) -> ET.Element:
@@ -175,7 +176,8 @@ class Shapes:
                       inertia="convex" if collides else "shell")
         given = {"group": "3", "density": DENSITY} if collides else {
             "group": "2", "contype": "0", "conaffinity": "0", "density": "0"}
-        return ET.Element("geom", type="mesh", mesh=name, name=f"{name}_{prim.GetName()}", **given)
+        named = {"type": "mesh", "mesh": name, "name": f"{name}_{prim.GetName()}"}
+        return ET.Element("geom", named | given)
 
     def _points(self, prim: Usd.Prim) -> F64 | None:
         points = prim.GetAttribute("points").Get() if prim.GetTypeName() == "Mesh" else None

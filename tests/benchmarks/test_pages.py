@@ -28,6 +28,8 @@ TABLES = {
     ("docs/photos.md", "photos"): ("photos", "photos", "markdown"),
     ("docs/batch.md", "trial"): ("batch", "batch", "markdown"),
     ("docs/batch.md", "plan10k"): ("batch_plan", "batch_plan", "markdown"),
+    ("docs/assets.md", "assets"): ("assets", "assets", "markdown"),
+    ("docs/checks.md", "fuzz"): ("fuzz_models", "fuzz_models", "markdown"),
 }
 OWN = {"solids": "solids", "simulators": "simulators", "states": "other_states"}
 

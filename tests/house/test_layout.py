@@ -24,13 +24,13 @@ MAY = {
     "mesh": "collision boards volume evidence render model runtime",
     "texture": "render model runtime",
     "exporters": "model runtime", "report": "model runtime",
-    "agree": "exporters model runtime",
-    "sim_checks": "agree collision exporters model runtime", "capture": "sim_checks model",
+    "agree": "exporters model runtime", "assets": "model runtime",
+    "sim_checks": "agree assets collision exporters model runtime", "capture": "assets model",
     "chance": "sim_checks agree collision exporters model runtime",
     "mend": "mesh sim_checks collision exporters model runtime",
-    "ci": "chance sim_checks report agree exporters model runtime",
+    "ci": "chance sim_checks report assets agree exporters model runtime",
     "salient": "model", "photos": "salient readers model runtime",
-    "view": "exporters sim_checks model runtime",
+    "view": "exporters assets sim_checks model runtime",
     "commands": "photos readers model runtime",
 }  # fmt: skip
 ALONE = {  # from that room, these files alone
@@ -47,8 +47,8 @@ ALONE = {  # from that room, these files alone
     ("mend", "mesh"): {"make_room"}, ("mend", "exporters"): {"mjcf"},
     ("mend", "collision"): {"depth"}, ("mend", "sim_checks"): {
         "__init__", "geometry", "result", "subject"},
-    ("capture", "sim_checks"): {"model_files", "engine"},
-    ("view", "exporters"): {"read_twin"}, ("view", "sim_checks"): {"model_files"},
+    ("ci", "assets"): {"model_files"}, ("capture", "assets"): {"model_files", "engine"},
+    ("view", "exporters"): {"read_twin"}, ("view", "assets"): {"model_files"},
 }  # fmt: skip
 ORDER = {"build", "outputs", "articulate", "cli", "api"}  # files that know rooms by their order
 MOST_FILES, MOST_LINES, MOST_FUNCTION, MOST_ARGUMENTS = 16, 300, 40, 6

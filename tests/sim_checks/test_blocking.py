@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from part2gs_robotics.sim_checks import check
-from part2gs_robotics.sim_checks.blocking import block_of, movers_of
+from part2gs_robotics.sim_checks.blocking import block_of, check_combinations, movers_of
 from part2gs_robotics.sim_checks.interpenetration import (
     LIMIT,
     Poser,
@@ -35,7 +35,9 @@ FILM = """<mujoco><worldbody>
 
 def rows_of(path: Path, text: str) -> tuple[dict[str, CheckResult], list[CheckResult]]:
     (path / "m.xml").write_text(text)
-    rows, _ = check_interpenetration(*in_order(make_subject(path / "m.xml"), 21), 64)
+    subject, sweeps = in_order(make_subject(path / "m.xml"), 21)
+    rows, _ = check_interpenetration(subject, sweeps)
+    rows += check_combinations(subject, sweeps, 64)
     overlap = {r.subject: r for r in rows if r.name == "overlap"}
     return overlap, [r for r in rows if r.name == "blocking"]
 

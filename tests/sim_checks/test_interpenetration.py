@@ -12,6 +12,7 @@ from part2gs_robotics.collision.depth import depth, point_triangle_distance
 from part2gs_robotics.exporters.mjcf import write_mjcf
 from part2gs_robotics.model.se3 import make, rotation_from_rotvec
 from part2gs_robotics.model.twin import Twin
+from part2gs_robotics.sim_checks.blocking import check_combinations
 from part2gs_robotics.sim_checks.geometry import overlap, place
 from part2gs_robotics.sim_checks.interpenetration import Poser, check_interpenetration, sweep
 from part2gs_robotics.sim_checks.order import in_order
@@ -80,6 +81,8 @@ def test_interfering_drawer_is_measured_exactly(tmp_path: Path) -> None:
 
 def test_clearance_gives_exactly_zero(tmp_path: Path) -> None:
     subject = subject_of(toy_cabinet_twin(3), tmp_path)
-    rows, curves = check_interpenetration(*in_order(subject, 5), 8)
+    subject, sweeps = in_order(subject, 5)
+    rows, curves = check_interpenetration(subject, sweeps)
+    rows += check_combinations(subject, sweeps, 8)
     assert all(r.status == "pass" and r.value == 0.0 for r in rows)
     assert [len(c.positions) for c in curves] == [5, 5, 5]

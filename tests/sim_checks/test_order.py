@@ -113,7 +113,7 @@ def test_a_chain_of_three_is_opened_one_after_the_other(tmp_path: Path) -> None:
 
 def test_combinations_keep_the_order(tmp_path: Path) -> None:
     """Neither the drawer out under a closed shutter, nor the shutter down on an open drawer."""
-    from part2gs_robotics.sim_checks.interpenetration import _combination
+    from part2gs_robotics.sim_checks.blocking import _combination
 
     subject, _ = in_order(make_subject(written(tmp_path)), 9)
     rng, drawn = np.random.default_rng(0), []
