@@ -1,12 +1,12 @@
 """Check articulated assets of anyone's and write what is found, why, and how long it takes.
 
-    python benchmarks/assets.py PATH [PATH ...] [--root FOLDER] [--look]
+    python benchmarks/assets.py PATH [PATH ...] [--root FOLDER] [--add] [--look]
 
 A PATH is a twin folder, an MJCF, URDF or USD file, or a folder: then every model.xml below it. Each
 is checked by `part2gs-robot check`, all by all checks. Rows that fail or warn are told with their
-cause. Numbers go to benchmarks/results/assets.json, the table to docs/assets.md; with --look
-neither is written. Assets of others are not part of this repository: the page names the packages
-they come from.
+cause. --add keeps the rows of other assets: packages differ in their --root. Numbers go to
+benchmarks/results/assets.json, the table to docs/assets.md; with --look neither is written. Assets
+of others are not part of this repository: the page names the packages they come from.
 """
 
 from __future__ import annotations
@@ -35,10 +35,15 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("paths", type=Path, nargs="+", help="assets, or folders of them")
     parser.add_argument("--root", type=Path, help="folder that nothing may leave")
+    parser.add_argument("--add", action="store_true", help="keep the rows of other assets")
     parser.add_argument("--look", action="store_true", help="write nothing")
     args = parser.parse_args()
     rows = [told(path, check_alone(Request(str(path), str(args.root or ""))))
             for path in found(args.paths)]
+    if args.add:
+        names = {r["asset"] for r in rows}
+        old = json.loads(RESULTS.read_text())["rows"]
+        rows = [r for r in old if r["asset"] not in names] + rows
     results = {"commit": git("rev-parse", "--short", "HEAD"), "rows": rows}
     sys.stdout.write(markdown(results))
     if not args.look:

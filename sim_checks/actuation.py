@@ -27,6 +27,7 @@ CARRIED_SHARE = 0.01  # of its own range, for a joint that rides on the driven p
 SETTLE, TRAVEL, HOLD = 0.5, 3.0, 1.0  # s; settle + 2 (travel + hold) = 8.5 s < 10 s
 FAR_END = SETTLE + TRAVEL + HOLD
 CONTROL = 0.02  # s between commands
+SOFT = ("tracking", "hold", "rest")  # rows that a servo fails by its softness alone
 MAX_STEPS = 200_000  # of one drive; a finer time step is reported, not waited for
 
 
@@ -62,14 +63,16 @@ def check_actuation(subject: Subject) -> list[CheckResult]:
 
 
 def theirs(subject: Subject, rows: list[CheckResult]) -> list[CheckResult]:
-    """Return what fails with a servo of others as warnings: how strong it is is their affair.
+    """Return what fails by a servo in assets of others as warnings: it is not what is on trial.
 
-    Whether anything is in the way of the joint is told by the sweep of what collides.
+    Their own servos are as strong as they mean them, and the check's may be too soft for a spring.
+    Whether anything is in the way of a joint is told by `reach` of the check's own servo, and by
+    the sweep of what collides.
     """
-    cause = "the model's own servo or its ctrlrange keeps the joint from following; raise them"
-    weak = set() if subject.ours else {j.name for j in subject.joints if not j.ours}
-    return [replace(r, status="warn", cause=cause) if r.status == "fail" and r.subject in weak
-            else r for r in rows]
+    weak = {j.name for j in subject.joints if not j.ours}
+    cause = "a servo too soft for the joint's springs and weight, or with a narrow ctrlrange"
+    return [replace(r, status="warn", cause=cause) if not subject.ours and r.status == "fail"
+            and (r.subject in weak or r.name in SOFT) else r for r in rows]
 
 
 def _why_not(subject: Subject, joint: DrivenJoint) -> str | None:

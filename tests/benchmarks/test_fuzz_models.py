@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-MUTANTS = 40  # of twenty thousand; a second or so each ten
+MUTANTS = 20  # of twenty thousand: a few seconds
 
 
 def test_a_handful_of_mutants_does_no_harm(load, tmp_path: Path) -> None:

@@ -12,7 +12,8 @@ from synth import scaled, toy_cabinet_twin
 
 from part2gs_robotics.exporters.mjcf import write_mjcf
 from part2gs_robotics.sim_checks import check
-from part2gs_robotics.sim_checks.passive import PUSH, push_of
+from part2gs_robotics.sim_checks.actuation import check_actuation
+from part2gs_robotics.sim_checks.passive import PUSH, check_passive, push_of
 from part2gs_robotics.sim_checks.result import CheckReport
 from part2gs_robotics.sim_checks.subject import make_subject
 
@@ -133,3 +134,37 @@ def test_a_twin_passes_whatever_is_up(tmp_path: Path) -> None:
     assert report.ok, [r for r in report.results if r.status != "pass"]
     pulled = {r.subject: r.detail for r in report.results if r.name == "drift"}
     assert "gravity pulls -69.7, friction holds 1.39" in pulled["part_1_joint"]
+
+
+PUSHED = """<mujoco><option gravity="0 0 0" timestep=".002"/><worldbody>
+  <body name="a"><joint name="x" type="slide" axis="1 0 0" range="0 .3" limited="true" damping="1"/>
+    <geom type="box" size=".1 .1 .1" mass="1"/></body>
+  <body name="b" pos="{place} 0 0"><joint name="y" type="slide" axis="1 0 0" range="0 .5"
+    limited="true" damping="1"/><geom type="box" size=".1 .1 .1" mass="1"/></body>
+</worldbody></mujoco>"""
+
+
+@pytest.mark.parametrize(("place", "status"), [(0.3, "fail"), (0.8, "pass")])
+def test_a_push_must_leave_others_still(tmp_path: Path, place: float, status: str) -> None:
+    (tmp_path / "m.xml").write_text(PUSHED.format(place=place))
+    rows = check_passive(make_subject(tmp_path / "m.xml", servos=False))
+    (row,) = [r for r in rows if (r.name, r.subject) == ("others pushed", "x")]
+    assert row.status == status
+    assert row.detail == "moved most: y"
+    if status == "fail":  # b's near face is met 0.1 on: carried along, and on by its momentum
+        assert row.value > 0.95 * 0.3 - 0.1 - 0.01
+
+
+def test_a_servo_that_takes_up_weight_is_no_motion_of_others(tmp_path: Path) -> None:
+    """A lid of 1 kg droops by 0.3 deg on its own servo while a drawer far away is driven."""
+    (tmp_path / "m.xml").write_text("""<mujoco><option timestep=".002"/><worldbody>
+      <body name="a"><joint name="x" type="slide" axis="1 0 0" range="0 .3" limited="true"/>
+        <geom type="box" size=".1 .1 .1" mass="1"/></body>
+      <body name="b" pos="0 2 0"><joint name="lid" axis="0 1 0" range="-60 60" limited="true"/>
+        <geom type="box" size=".1 .1 .01" pos=".1 0 0" mass="1"/></body></worldbody>
+      <actuator><position joint="x" kp="900" kv="60"/><position joint="lid" kp="190" kv="5"/>
+      </actuator></mujoco>""")
+    rows = check_actuation(make_subject(tmp_path / "m.xml"))
+    (still,) = [r for r in rows if (r.name, r.subject) == ("others still", "x")]
+    assert still.status == "pass"
+    assert still.value < 1e-5  # it has settled before the drawer moves
