@@ -149,7 +149,7 @@ class Shapes:
         """Yield the shapes of a body: what collides in group 3, what is only seen in group 2."""
         from pxr import Usd, UsdGeom
 
-        home = np.linalg.inv(self._place(prim))
+        home = se3.inverse(self._place(prim))
         walk = iter(Usd.PrimRange(prim, Usd.TraverseInstanceProxies()))
         for one in walk:
             if one != prim and str(one.GetPath()) in bodies:
@@ -160,7 +160,7 @@ class Shapes:
                     matrix = np.array(UsdGeom.XformCache().GetLocalToWorldTransform(one),
                                       np.float64).T
                     world: F64 = (points @ matrix[:3, :3].T + matrix[:3, 3]) * self.unit
-                    yield self._geom(one, se3.apply(home, world))
+                    yield self._geom(one, world @ home[:3, :3].T + home[:3, 3])
 
     def _geom(self, prim: Usd.Prim, points: F64) -> ET.Element:
         name = f"shape_{len(self.assets):04d}"
