@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from part2gs_robotics.assets.model_files import check_model_files
 from part2gs_robotics.errors import CheckError
 from part2gs_robotics.exporters.read_twin import read_twin
 from part2gs_robotics.model import se3
 from part2gs_robotics.model.arrays import F64
 from part2gs_robotics.model.kinematics import moving_parts
-from part2gs_robotics.sim_checks.model_files import check_model_files
 
 if TYPE_CHECKING:
     import mujoco

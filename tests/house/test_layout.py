@@ -30,7 +30,7 @@ MAY = {
     "mend": "mesh sim_checks collision exporters model runtime",
     "ci": "chance sim_checks report assets agree exporters model runtime",
     "salient": "model", "photos": "salient readers model runtime",
-    "view": "exporters assets sim_checks model runtime",
+    "view": "exporters assets model runtime",
     "commands": "photos readers model runtime",
 }  # fmt: skip
 ALONE = {  # from that room, these files alone
