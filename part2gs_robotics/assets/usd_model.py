@@ -18,7 +18,7 @@ from part2gs_robotics.errors import CheckError
 KINDS = {"PhysicsRevoluteJoint": "hinge", "PhysicsPrismaticJoint": "slide",
          "PhysicsFixedJoint": ""}  # fmt: skip
 MOST_LAYERS = 200  # as many as XML files of a model
-SECONDS = 60.0  # for a stage; large ones take a few
+SECONDS = 30.0  # for a stage; large ones take a few
 
 
 def write_mjcf_of(path: Path, home: Path, folder: Path) -> Path:
