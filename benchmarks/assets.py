@@ -67,11 +67,11 @@ def told(path: Path, report: CheckReport) -> dict[str, Any]:
     name = path.parent.name if path.stem == "model" else path.name
     bad = [c for c in checks if c["status"] in ("fail", "incomplete")]
     return {
-        "asset": name, "format": path.suffix.lstrip(".") or "twin", "verdict": CODES[report.exit_code],
-        "joints": len(report.joints),
+        "asset": name, "format": path.suffix.lstrip(".") or "twin",
+        "verdict": CODES[report.exit_code], "joints": len(report.joints),
         "fails": dict(Counter(c["check"] for c in bad)),
         "warns": dict(Counter(c["check"] for c in checks if c["status"] == "warn")),
-        "cause": bad[0]["cause"] if bad else "",
+        "cause": bad[0]["cause"] or bad[0]["note"] if bad else "",
         "waits": [n.partition(" waits")[0] for n in report.notes if " waits for other joints" in n],
         "blocks": sum(c["check"] == "blocking" for c in checks),
         "seconds": round(report.seconds, 3)}

@@ -98,7 +98,7 @@ def export(folder: Path, kind: str, out: Path | None = None) -> list[Path]:
 
 
 def check(path: Path, steps: int = 21) -> CheckReport:
-    """Check a twin folder, an MJCF or a URDF file in the installed MuJoCo.
+    """Check a twin folder, an MJCF, URDF or USD file in the installed MuJoCo.
 
     Args:
         path: folder or file.

@@ -1,4 +1,4 @@
-"""Check one asset, that of others in a process of its own: what ends that process ends no other.
+"""Check one asset, here or in a process of its own: what ends that process ends no other.
 
 MuJoCo and OpenUSD are C and C++: a hostile file may crash them or fill the memory. The child runs
 `main`; request and report are JSON.
@@ -24,9 +24,11 @@ if TYPE_CHECKING:
 
 MEMORY = 12 << 30  # bytes of address space: a check of half a million faces takes a quarter
 SECONDS = 900.0  # the slowest of forty models of public packages takes 30
+PER_DRAW = 1.0  # seconds more for each of --samples: a joint takes a tenth
 # The folder a user stands in may hold a json.py of others: the child imports nothing from there.
 START = ("import sys; sys.path = [p for p in sys.path if p]; "
          "from part2gs_robotics.ci.alone import main; main()")
+_running: set[subprocess.Popen[str]] = set()  # of `check_alone`, in several threads
 
 
 @dataclass(frozen=True)
@@ -54,20 +56,31 @@ def check_alone(request: Request) -> CheckReport:
     """Return the report of one asset, checked in a process of its own."""
     from part2gs_robotics.sim_checks.result import report_of
 
+    most = SECONDS + PER_DRAW * request.samples
     with tempfile.TemporaryDirectory(prefix="part2gs-check-") as folder:
         place = Path(folder) / "report.json"
         words = [sys.executable, "-c", START, json.dumps(asdict(request)), str(place)]
-        try:
-            done = subprocess.run(words, capture_output=True, text=True, errors="replace",
-                                  timeout=None if is_ours(Path(request.path)) else SECONDS,
-                                  check=False)
-        except subprocess.TimeoutExpired:
-            return _unusable(request.path, f"{request.path}: its check takes more than {SECONDS:g} "
-                             "s. Expected an object of ordinary size; give simpler meshes.")
-        if done.returncode or not place.is_file():
-            return _unusable(request.path, _ended(request.path, done.returncode, done.stderr))
-        sys.stderr.write(done.stderr)
+        with subprocess.Popen(words, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True,
+                              errors="replace") as child:
+            _running.add(child)
+            try:
+                said = child.communicate(timeout=most)[1]
+            except subprocess.TimeoutExpired:
+                return _unusable(request.path, f"{request.path}: its check takes more than {most:g}"
+                                 " s. Expected an object of ordinary size; give simpler meshes.")
+            finally:
+                child.kill()  # nothing, where it has ended
+                _running.discard(child)
+        if child.returncode or not place.is_file():
+            return _unusable(request.path, _ended(request.path, child.returncode, said))
+        sys.stderr.write(said)
         return report_of(json.loads(place.read_text("utf-8")))
+
+
+def stop_all() -> None:
+    """End all processes of checks: the program is to end, and their reports are not wanted."""
+    for child in list(_running):
+        child.kill()
 
 
 def check_here(request: Request) -> CheckReport:
@@ -108,18 +121,17 @@ def _ended(path: str, code: int, said: str) -> str:
 def _unusable(path: str, said: str) -> CheckReport:
     from part2gs_robotics.sim_checks.result import CheckReport, CheckResult
 
-    row = CheckResult("compile", Path(path).name, "fail", detail=said, cause=said)
+    row = CheckResult("compile", Path(path).name, "fail", detail=said)  # which ends with what to do
     return CheckReport(path, "", (row,), unusable=said)
 
 
 def main() -> None:
     """Answer the request on the command line, in the file named after it."""
-    request = Request(**json.loads(sys.argv[1]))
     try:
         import resource  # POSIX alone; elsewhere the memory is the machine's
 
-        if not is_ours(Path(request.path)):
-            resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
+        resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
     except (ImportError, ValueError, OSError) as error:
         logging.getLogger(__name__).warning("memory of the check is not limited: %s", error)
-    Path(sys.argv[2]).write_text(json.dumps(check_here(request).to_dict()), "utf-8")
+    report = check_here(Request(**json.loads(sys.argv[1])))
+    Path(sys.argv[2]).write_text(json.dumps(report.to_dict()), "utf-8")

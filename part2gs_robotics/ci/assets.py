@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from part2gs_robotics.ci.accepted import Baseline, disabled
-from part2gs_robotics.ci.alone import Request, check_alone, check_here, is_ours
+from part2gs_robotics.ci.alone import Request, check_alone, check_here, is_ours, stop_all
 from part2gs_robotics.ci.cache import kept, key_of, load
 from part2gs_robotics.errors import CheckError
 from part2gs_robotics.runtime.threads import in_threads
@@ -88,4 +88,4 @@ def _side_by_side(requests: Sequence[Request], jobs: int) -> list[CheckReport]:
     one_by_one = jobs == 1 or len(requests) == 1
     return in_threads([partial(
         check_here if one_by_one and is_ours(Path(request.path)) else check_alone, request)
-        for request in requests], jobs)
+        for request in requests], jobs, stop_all)

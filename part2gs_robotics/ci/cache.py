@@ -45,7 +45,8 @@ def key_of(request: Request, cache: Path | None = None) -> str:
     except (CheckError, ValueError, OSError):
         return ""  # outside of its home, or no file of ours to read: the check itself says so
     how = {key: value for key, value in asdict(request).items() if key not in ("path", "root")}
-    return hash_of("check", code_version(), engine_versions(), own, how, sorted(content))
+    return hash_of("check", code_version(), engine_versions("usd-core"), own, how,
+                   sorted(content))
 
 
 def _read_by_checks(home: Path, own: Path, cache: Path | None) -> Iterator[Path]:

@@ -55,10 +55,10 @@ def code_version() -> str:
     return hash_of_code({"": ROOT, **{name: _folder_of(name) for name in BESIDE}})
 
 
-def engine_versions() -> dict[str, str]:
-    """Return the installed version of every package that can change a number."""
+def engine_versions(*more: str) -> dict[str, str]:
+    """Return the installed version of every package that can change a number, and of some more."""
     found = {}
-    for name in ENGINES:
+    for name in (*ENGINES, *more):
         try:
             found[name] = metadata.version(name)
         except metadata.PackageNotFoundError:

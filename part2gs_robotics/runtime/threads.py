@@ -13,12 +13,14 @@ from typing import TypeVar
 T = TypeVar("T")
 
 
-def in_threads(tasks: Sequence[Callable[[], T]], most: int = 0) -> list[T]:
+def in_threads(tasks: Sequence[Callable[[], T]], most: int = 0,
+               stop: Callable[[], None] | None = None) -> list[T]:
     """Return what the tasks return, in order.
 
     Args:
         tasks: that share what they use only to read it; one that changes it takes a copy.
         most: tasks that run at once; 0 = as many as there are cores.
+        stop: ends tasks that run, called when one fails or the program is interrupted.
     """
     threads = min(len(tasks), most or _cores())
     if threads < 2:
@@ -29,6 +31,8 @@ def in_threads(tasks: Sequence[Callable[[], T]], most: int = 0) -> list[T]:
             return [one.result() for one in waiting]
         except BaseException:
             pool.shutdown(wait=False, cancel_futures=True)  # what has not begun never does
+            if stop is not None:
+                stop()
             raise
 
 

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import json
+import os
 import re
-import subprocess
-import sys
+import signal
+import threading
+import time
 import xml.etree.ElementTree as ET
 from pathlib import Path
 
@@ -22,11 +24,13 @@ WALL = '<geom type="box" pos="0 0 .5" size=".1 .1 .1"/>'
 
 @pytest.fixture
 def assets(tmp_path: Path) -> list[Path]:
+    folder = tmp_path / "assets"  # what stands beside them is part of a key
+    folder.mkdir()
     texts = {"good.xml": SLIDE.format(more=""), "jammed.xml": SLIDE.format(more=WALL),
              "broken.xml": "<mujoco>"}
     for name, text in texts.items():
-        (tmp_path / name).write_text(text)
-    return [tmp_path / name for name in texts]
+        (folder / name).write_text(text)
+    return [folder / name for name in texts]
 
 
 def test_each_asset_has_its_own_report(assets: list[Path], tmp_path: Path) -> None:
@@ -38,7 +42,8 @@ def test_each_asset_has_its_own_report(assets: list[Path], tmp_path: Path) -> No
         assert [r.exit_code for r in reports] == [0, 0, 2], "what cannot be used is never accepted"
         assert "broken.xml" in reports[2].unusable
         assert len(list((tmp_path / "cache").iterdir())) == 2, "nor kept"
-    assert list(json.loads((tmp_path / "known.json").read_text())["accepted"]) == ["jammed.xml"]
+    assert list(json.loads((tmp_path / "known.json").read_text())["accepted"]) == [
+        "assets/jammed.xml"]
 
 
 @pytest.mark.parametrize(("body", "said"), [
@@ -48,13 +53,21 @@ def test_each_asset_has_its_own_report(assets: list[Path], tmp_path: Path) -> No
     ("import time; time.sleep(60)", "takes more than")])
 def test_whatever_ends_the_process_is_an_answer(monkeypatch: pytest.MonkeyPatch, assets: list[Path],
                                                 body: str, said: str) -> None:
-    run = subprocess.run
-    monkeypatch.setattr(alone, "SECONDS", 5.0)
-    monkeypatch.setattr(subprocess, "run", lambda words, **given: run(
-        [sys.executable, "-c", body], **given))
+    monkeypatch.setattr(alone, "SECONDS", 2.0)
+    monkeypatch.setattr(alone, "START", body)
     report = check_alone(Request(str(assets[0])))
     assert report.exit_code == 2
     assert re.search(said, report.unusable)
+
+
+def test_who_interrupts_waits_for_no_check(monkeypatch: pytest.MonkeyPatch,
+                                           assets: list[Path]) -> None:
+    monkeypatch.setattr(alone, "START", "import time; time.sleep(60)")
+    threading.Timer(0.5, lambda: os.kill(os.getpid(), signal.SIGINT)).start()
+    began = time.monotonic()
+    with pytest.raises(KeyboardInterrupt):
+        check_assets(assets, Wishes(jobs=2))
+    assert time.monotonic() - began < 30
 
 
 def test_memory_is_limited(monkeypatch: pytest.MonkeyPatch, assets: list[Path]) -> None:
@@ -69,7 +82,7 @@ def test_the_folder_one_stands_in_is_not_imported(monkeypatch: pytest.MonkeyPatc
                                                   assets: list[Path]) -> None:
     (tmp_path / "json.py").write_text("raise RuntimeError('of somebody')")
     monkeypatch.chdir(tmp_path)
-    assert check_alone(Request("broken.xml")).unusable.startswith("broken.xml")
+    assert check_alone(Request("assets/broken.xml")).unusable.startswith("assets/broken.xml")
 
 
 def test_every_format_tells_one_that_cannot_be_used_among_others(
@@ -77,7 +90,7 @@ def test_every_format_tells_one_that_cannot_be_used_among_others(
     words = [str(path) for path in assets]
     said = {}
     for kind in ("text", "json", "junit", "sarif", "github", "html"):
-        assert main(["check", *words, "--sweep-values", "2", "--cache", str(tmp_path / "cache"),
+        assert main(["check", *words, "--sweep-values", "3", "--cache", str(tmp_path / "cache"),
                      "--format", kind]) == 2
         said[kind], err = capsys.readouterr()
         assert err.count("error: ") == 1
