@@ -86,3 +86,10 @@ def test_clearance_gives_exactly_zero(tmp_path: Path) -> None:
     rows += check_combinations(subject, sweeps, 8)
     assert all(r.status == "pass" and r.value == 0.0 for r in rows)
     assert [len(c.positions) for c in curves] == [5, 5, 5]
+
+
+@pytest.mark.parametrize(("deep", "counts"), [(2e-6, False), (1e-3, True)])
+def test_flakes_of_rounding_are_no_overlap(tmp_path: Path, deep: float, counts: bool) -> None:
+    poser = Poser(subject_of(toy_cabinet_twin(1, clearance=-deep), tmp_path))
+    poser.pose(poser.data.qpos.copy())
+    assert bool(poser.overlaps(poser.pairs)) == counts
