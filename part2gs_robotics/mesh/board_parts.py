@@ -86,7 +86,9 @@ def board_surfaces(place: Place, evidence: Sequence[Fused], wholes: Sequence[Sol
               in zip(boards, smooth, missed(boards, place, maps), strict=True)]
     surfaces = [_closed(board, smooth[k][0], k) for k, board in enumerate(boards)]
     voxel = wholes[0].grid.voxel
-    surfaces, bends = to_outlines(surfaces, place, maps, voxel)
+    # What clears curved parts of others is their grid alone, by less than outlines move them.
+    curved = [k for k, board in enumerate(boards) if board.curved and k]
+    surfaces, bends = to_outlines(surfaces, place, maps, voxel, curved)
     pieces = [moved_pieces(board.pieces, bend) for board, bend in zip(boards, bends, strict=True)]
     apart = all_apart(surfaces, pieces, place, voxel)
     apart = shut(apart, pieces, place, maps, voxel)

@@ -58,7 +58,7 @@ class _Body:
 
 
 def to_outlines(surfaces: Sequence[Manifold], place: Place, maps: Sequence[PartMaps],
-                voxel: float) -> tuple[list[Manifold], list[Bend]]:
+                voxel: float, held: Sequence[int] = ()) -> tuple[list[Manifold], list[Bend]]:
     """Return all surfaces moved onto the outlines of the masks, and how each moved.
 
     Args:
@@ -66,6 +66,7 @@ def to_outlines(surfaces: Sequence[Manifold], place: Place, maps: Sequence[PartM
         place: of the parts in both states.
         maps: masks and cameras of both states.
         voxel: size of the grid's cells, scene units.
+        held: numbers of parts that stay as they are.
     """
     shapes = [shape_of(*arrays(surface.refine_to_length(LONGEST * voxel)))
               for surface in surfaces]
@@ -73,8 +74,9 @@ def to_outlines(surfaces: Sequence[Manifold], place: Place, maps: Sequence[PartM
               for shape in shapes]
     for turn in range(ROUNDS):
         found = _looked(bodies, place, maps, voxel, turn % TURNS)
-        bodies = [body if own is None else replace(body, moved=_moved(body, own, voxel))
-                  for body, own in zip(bodies, found, strict=True)]
+        bodies = [body if own is None or k in held
+                  else replace(body, moved=_moved(body, own, voxel))
+                  for k, (body, own) in enumerate(zip(bodies, found, strict=True))]
     out, bends = [], []
     for surface, body in zip(surfaces, bodies, strict=True):
         moved = _surface(body.shape(voxel))

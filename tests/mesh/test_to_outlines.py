@@ -131,3 +131,13 @@ def test_flat_faces_stay_flat_while_they_move() -> None:
     right = vertices[vertices[:, 0] > 0.45]
     assert 0.5 - 0.01 < right[:, 0].min() <= right[:, 0].max() < 0.5 + 0.015
     assert np.ptp(right[:, 0]) < 0.1 * 0.025  # of how far the face came
+
+
+def test_a_held_part_stays_while_others_move() -> None:
+    true, beside = Manifold.cube([1.0, 0.6, 0.8], True), Manifold.cube([0.3, 0.3, 0.3], True)
+    apart = beside.translate([0, 0, 0.8])
+    maps = world([true, apart], [true, apart])
+    given, same = true.scale([1.04, 1.0, 1.0]), apart.scale([1.04, 1.0, 1.0])
+    (fitted, kept), _ = to_outlines([given, same], place(np.eye(4), np.eye(4)), maps, VOXEL, [1])
+    assert kept.volume() == pytest.approx(same.volume(), rel=1e-9)
+    assert fitted.volume() < given.volume()
