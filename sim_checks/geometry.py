@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from part2gs_robotics.model.arrays import F64
-from part2gs_robotics.model.solids import defect, to_manifold
+from part2gs_robotics.model.solids import defect, thickness, to_manifold
 from part2gs_robotics.model.twin import PartMesh
 
 if TYPE_CHECKING:
@@ -154,8 +154,14 @@ def place(solid: Manifold, world_from_body: F64) -> Manifold:
     return solid.transform(np.ascontiguousarray(world_from_body[:3, :4]))
 
 
-def overlap(a: Manifold, b: Manifold) -> Overlap:
-    """Return the exact intersection of two placed solids."""
+def overlap(a: Manifold, b: Manifold, thin: float = 0.0) -> Overlap:
+    """Return the exact intersection of two placed solids.
+
+    Args:
+        a: one solid.
+        b: the other.
+        thin: units; what is no thicker is none: two faces that lie on each other leave flakes.
+    """
     box_a, box_b = np.array(a.bounding_box()), np.array(b.bounding_box())
     if (box_a[:3] > box_b[3:]).any() or (box_b[:3] > box_a[3:]).any():
         return Overlap(0.0, 0.0, None)
@@ -163,6 +169,5 @@ def overlap(a: Manifold, b: Manifold) -> Overlap:
     volume = float(both.volume())
     if volume <= 0:
         return Overlap(0.0, 0.0, None)
-    pieces = both.decompose()
-    thickness = max(2 * p.volume() / max(p.surface_area(), 1e-300) for p in pieces)
-    return Overlap(volume, float(thickness), both)
+    thick = thickness(both)
+    return Overlap(volume, thick, both) if thick > thin else Overlap(0.0, 0.0, None)

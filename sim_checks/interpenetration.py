@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from part2gs_robotics.assets.driven import DrivenJoint
-from part2gs_robotics.collision.depth import FLAKE, depth
+from part2gs_robotics.collision.depth import depth
 from part2gs_robotics.model.arrays import F64
+from part2gs_robotics.model.solids import FLAKE
 from part2gs_robotics.sim_checks.geometry import Overlap, overlap, place
 from part2gs_robotics.sim_checks.result import CheckResult, Curve, row
 from part2gs_robotics.sim_checks.subject import Subject
@@ -67,14 +68,11 @@ class Poser:
         return place(self.solids[body], world_from_body)
 
     def overlaps(self, pairs: list[Pair]) -> dict[Pair, Overlap]:
-        """Return the exact intersection of body pairs that overlap at the current pose.
-
-        Flakes, thinner than files tell, are none: two faces that lie on each other leave them.
-        """
+        """Return the exact intersection of body pairs that overlap at the current pose."""
         at = {b: self.placed(b) for b in {b for p in pairs for b in p}}
-        found = {p: overlap(at[p[0]], at[p[1]]) for p in pairs}
         thin = FLAKE * self.subject.size
-        return {p: o for p, o in found.items() if o.solid is not None and o.thickness > thin}
+        found = {p: overlap(at[p[0]], at[p[1]], thin) for p in pairs}
+        return {p: o for p, o in found.items() if o.solid is not None}
 
     def contact_depth(self, moved: frozenset[int]) -> float:
         """Return the deepest contact between a moved and another body, 0 if none.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -212,3 +213,13 @@ def write_all(twin: Twin, folder: Path) -> Path:
     for kind in ("sdf", "glb", "usd"):
         export_twin(folder, kind, folder / kind)
     return folder
+
+
+def put(path: str, value: object) -> Callable[[dict], None]:  # type: ignore[type-arg]
+    """Return what sets a value of a tree, by its way such as "parts.0.name"."""
+    def change(tree: dict) -> None:  # type: ignore[type-arg]
+        *way, last = path.split(".")
+        for key in way:
+            tree = tree[int(key) if key.isdigit() else key]
+        tree[int(last) if last.isdigit() else last] = value
+    return change

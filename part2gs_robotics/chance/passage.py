@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from part2gs_robotics.model.arrays import F64
 from part2gs_robotics.model.kinematics import moving_parts, part_transforms, subtree
-from part2gs_robotics.model.solids import require_closed, size_of
+from part2gs_robotics.model.solids import FLAKE, require_closed, size_of
 from part2gs_robotics.model.twin import Twin
 from part2gs_robotics.sim_checks.geometry import lighter, overlap, place
 from part2gs_robotics.sim_checks.interpenetration import LIMIT
@@ -34,7 +34,7 @@ class Passage:
 
     def __init__(self, twin: Twin) -> None:
         size = size_of(tuple(part.mesh for part in twin.parts))
-        self.limit = LIMIT * size
+        self.limit, self.thin = LIMIT * size, FLAKE * size
         self.solids: list[Manifold] = [
             lighter(require_closed(part.mesh, part.name), SWEEP_TOLERANCE * size)[0].as_original()
             for part in twin.parts]
@@ -75,5 +75,5 @@ class Passage:
         from part2gs_robotics.collision.depth import depth
 
         one, two = (place(self.solids[i], poses[i]).as_original() for i in (a, b))
-        found = overlap(one, two)
+        found = overlap(one, two, self.thin)
         return found.solid is not None and depth(found.solid) > self.limit

@@ -7,37 +7,23 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from part2gs_robotics.model.arrays import F64
-from part2gs_robotics.model.solids import thickness
 
 if TYPE_CHECKING:
     from manifold3d import Manifold
 
-FLAKE = 1e-5  # of the size, see `depth`: a tenth of it is rounding of files, cells are 1e-2
 SAMPLES = 192  # points of the overlap whose depth is measured
 FEW = 400  # triangles that are all compared with every point
 NEAREST = 32  # of more triangles, only those with the nearest centres: never less than the truth
 
 
-def depth(both: Manifold, thin: float = 0.0) -> float:
+def depth(both: Manifold) -> float:
     """Return how deep two solids stick into each other, units.
-
-    Args:
-        both: their intersection.
-        thin: units; pieces of it that are thinner in the mean are none: where two faces lie on
-            each other rounding leaves flakes, as wide as the faces and as thick as a digit.
 
     The surface of the intersection belongs partly to either solid. The depth is the largest
     distance from a point of one side to the other side: the thickness of a sheet, the height of a
     bump, the way a corner has to be pushed back. For deep overlaps an upper bound, as only the
     other surface inside the overlap is looked at.
     """
-    if not thin > 0:
-        return _depth(both)
-    pieces = [one for one in both.decompose() if one.volume() > 0 and thickness(one) > thin]
-    return max(map(_depth, pieces), default=0.0)
-
-
-def _depth(both: Manifold) -> float:
     raw = both.to_mesh64()
     vertices, faces = np.array(raw.vert_properties[:, :3]), np.array(raw.tri_verts)
     bounds = np.array(raw.run_index, np.int64) // 3

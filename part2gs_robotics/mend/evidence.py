@@ -10,7 +10,7 @@ import numpy as np
 
 from part2gs_robotics.collision.depth import depth
 from part2gs_robotics.model.kinematics import moving_parts, part_transforms
-from part2gs_robotics.model.solids import size_of, to_manifold
+from part2gs_robotics.model.solids import FLAKE, size_of, to_manifold
 from part2gs_robotics.model.twin import Twin
 from part2gs_robotics.sim_checks.geometry import lighter, overlap, place
 from part2gs_robotics.sim_checks.result import CheckReport
@@ -68,7 +68,7 @@ def evidence_of(twin: Twin, report: CheckReport) -> list[Evidence]:
         poses = part_transforms(twin, positions)
         placed = [place(s, p).as_original() for s, p in zip(solids, poses, strict=True)]
         for pair in combinations(range(len(placed)), 2):
-            both = overlap(placed[pair[0]], placed[pair[1]]).solid
+            both = overlap(placed[pair[0]], placed[pair[1]], FLAKE * size).solid
             if both is not None and (
                     GRAZE * size < (deep := depth(both)) <= SHALLOW * size):
                 found.append(Evidence(tuple(positions), pair, deep))

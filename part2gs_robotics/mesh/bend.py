@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial import ConvexHull, QhullError, cKDTree
 
-from part2gs_robotics.model.arrays import F64
+from part2gs_robotics.model.arrays import F64, I64
 
 BLEND = 4  # nearest vertices whose way a point goes, by the inverse of their distance
 
@@ -34,16 +34,27 @@ class Bend:
         return np.asarray(points + way)
 
 
-def covering(pieces: Sequence[F64], points: F64) -> list[F64]:
-    """Return corners [C, 3] of convex pieces, each with the points beyond all that are nearest."""
-    beyond, nearest = np.full(len(points), np.inf), np.full(len(points), -1)
+def beyond(pieces: Sequence[F64], points: F64) -> tuple[F64, I64]:
+    """Return how far points [N, 3] are beyond convex pieces, negative inside, and of which least.
+
+    Args:
+        pieces: corners [C, 3] of each; what is thinner than rounding has no inside.
+        points: [N, 3].
+    """
+    far, nearest = np.full(len(points), np.inf), np.full(len(points), -1)
     for i, corners in enumerate(pieces):
         try:
             planes = np.unique(ConvexHull(corners).equations, axis=0)
-        except (QhullError, ValueError):  # thinner than rounding
+        except (QhullError, ValueError):
             continue
-        far = (points @ planes[:, :3].T + planes[:, 3]).max(1)
-        nearer = far < beyond
-        beyond[nearer], nearest[nearer] = far[nearer], i
-    return [np.concatenate([corners, points[(nearest == i) & (beyond > 0)]])
+        own = (points @ planes[:, :3].T + planes[:, 3]).max(1)
+        nearer = own < far
+        far[nearer], nearest[nearer] = own[nearer], i
+    return far, nearest
+
+
+def covering(pieces: Sequence[F64], points: F64) -> list[F64]:
+    """Return corners [C, 3] of convex pieces, each with the points beyond all that are nearest."""
+    far, nearest = beyond(pieces, points)
+    return [np.concatenate([corners, points[(nearest == i) & (far > 0)]])
             for i, corners in enumerate(pieces)]

@@ -13,10 +13,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from part2gs_robotics.collision.depth import FLAKE, depth
+from part2gs_robotics.collision.depth import depth
 from part2gs_robotics.model.arrays import F64, Mask
 from part2gs_robotics.model.kinematics import moving_parts, part_transforms, subtree
-from part2gs_robotics.model.solids import simpler, size_of, thickness, to_manifold
+from part2gs_robotics.model.solids import FLAKE, simpler, size_of, thickness, to_manifold
 from part2gs_robotics.model.twin import Twin
 
 if TYPE_CHECKING:
@@ -119,9 +119,10 @@ class _Sweep:
         return any(self._touch(moved[a] ^ moved[b]) for a in carried[0] for b in carried[1])
 
     def _touch(self, both: Manifold) -> bool:
-        """Return whether an intersection is as thick, or as deep, as what touches."""
-        return thickness(both) > CONTACT * self.size or (
-            both.volume() > 0 and depth(both, FLAKE * self.size) > DEEP * self.size)
+        """Return whether an intersection is as thick, or as deep and no flake, as what touches."""
+        thick = thickness(both)
+        return thick > CONTACT * self.size or (
+            thick > FLAKE * self.size and depth(both) > DEEP * self.size)
 
     def _reach(self, index: int, start: float, sign: float, most: float) -> _Reach:
         """Return how far a joint goes from a state, up or down, at most so far."""

@@ -12,6 +12,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from part2gs_robotics.boards.board_solid import BoardSolid
+from part2gs_robotics.evidence.depth_maps import DepthMaps
+from part2gs_robotics.mesh.surface import arrays
 from part2gs_robotics.model.arrays import F32, F64, I64, Mask
 from part2gs_robotics.model.grid import Grid
 from part2gs_robotics.model.se3 import apply, inverse
@@ -36,10 +38,10 @@ def unstopped(boards: Sequence[BoardSolid], place: Place,
         maps: depth and part of every pixel, per state.
     """
     worth = [np.zeros(len(board.cells)) for board in boards]
-    voxel = boards[0].cells.grid.voxel
+    voxel, meshes = boards[0].cells.grid.voxel, [arrays(board.whole) for board in boards]
     for s in (0, 1):
         poses = [place.state1_from_0[k] if s else np.eye(4) for k in range(place.count)]
-        depths = _drawn(boards, poses, maps[s], voxel)
+        depths = drawn(meshes, poses, maps[s].maps, voxel)
         for view in range(len(maps[s].maps)):
             for k, board in enumerate(boards):
                 holes = _holes(maps[s], depths[view], view, k, BEYOND * voxel)
@@ -59,10 +61,10 @@ def missed(boards: Sequence[BoardSolid], place: Place, maps: Sequence[PartMaps])
     """
     grids = [board.cells.grid for board in boards]
     wanted = [np.zeros(grid.shape) for grid in grids]
-    voxel = grids[0].voxel
+    voxel, meshes = grids[0].voxel, [arrays(board.whole) for board in boards]
     for s in (0, 1):
         poses = [place.state1_from_0[k] if s else np.eye(4) for k in range(place.count)]
-        depths = _drawn(boards, poses, maps[s], voxel)
+        depths = drawn(meshes, poses, maps[s].maps, voxel)
         for view in range(len(maps[s].maps)):
             for k, grid in enumerate(grids):
                 holes = _holes(maps[s], depths[view], view, k, np.inf)
@@ -80,19 +82,16 @@ def _voxels(grid: Grid, points: F64) -> tuple[I64, Mask]:
     return index[inside], inside
 
 
-def _drawn(boards: Sequence[BoardSolid], poses: Sequence[F64], maps: PartMaps,
-           voxel: float) -> F32:
-    """Return [V, H, W] depth of the posed solids in every view, infinite beside them."""
-    corners, triangles, first = [np.zeros((0, 3))], [np.zeros((0, 3), np.int64)], 0
-    for board, pose in zip(boards, poses, strict=True):
-        raw = board.whole.to_mesh64()
-        vertices = np.asarray(raw.vert_properties, np.float64)[:, :3]
-        corners.append(apply(pose, vertices))
-        triangles.append(np.asarray(raw.tri_verts, np.int64) + first)
-        first += len(vertices)
-    depths = np.full(maps.maps.depths.shape, np.inf, np.float32)
-    draw_depths(np.concatenate(corners).astype(np.float32), np.concatenate(triangles),
-                maps.maps.Ks, maps.maps.viewmats, NEAR * voxel, depths)
+def drawn(meshes: Sequence[tuple[F64, I64]], poses: Sequence[F64], maps: DepthMaps,
+          voxel: float) -> F32:
+    """Return [V, H, W] depth of posed meshes in every view, infinite beside them."""
+    starts = np.cumsum([0, *(len(vertices) for vertices, _ in meshes)])
+    corners = np.concatenate([apply(pose, vertices)
+                              for pose, (vertices, _) in zip(poses, meshes, strict=True)])
+    triangles = np.concatenate([faces + start
+                                for (_, faces), start in zip(meshes, starts[:-1], strict=True)])
+    depths = np.full(maps.depths.shape, np.inf, np.float32)
+    draw_depths(corners.astype(np.float32), triangles, maps.Ks, maps.viewmats, NEAR * voxel, depths)
     return depths
 
 

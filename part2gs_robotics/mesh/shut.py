@@ -17,9 +17,10 @@ from typing import TYPE_CHECKING, cast
 import numpy as np
 
 from part2gs_robotics.evidence.depth_maps import observe
+from part2gs_robotics.mesh.bend import beyond
 from part2gs_robotics.mesh.make_room import base_apart
 from part2gs_robotics.mesh.surface import arrays
-from part2gs_robotics.model.arrays import F64, Mask
+from part2gs_robotics.model.arrays import F64
 from part2gs_robotics.model.joint import Joint
 from part2gs_robotics.model.se3 import apply, inverse
 from part2gs_robotics.model.solids import corners_of
@@ -154,12 +155,12 @@ def _in_the_way(base: Manifold, pieces: Sequence[Manifold], place: Place,
     lever = np.linalg.norm(np.cross(points - joint.origin, joint.axis), axis=1)
     early = NOISE * voxel / np.maximum(lever, voxel)  # before it is shut, rad
     whole = abs(end.value - end.start)
-    passed = np.zeros(len(points), bool)
+    passed, own = np.zeros(len(points), bool), [corners_of(piece) for piece in pieces]
     for way in np.arange(0.0, whole, STEP):
         q = end.start + np.sign(end.value - end.start) * way
         back = apply(inverse(joint.transform(q)), points)
-        passed |= (way < whole - early) & _inside(pieces, back, 0.5 * voxel)
-    corners = np.concatenate([corners_of(piece) for piece in pieces])
+        passed |= (way < whole - early) & (beyond(own, back)[0] < -0.5 * voxel)
+    corners = np.concatenate(own)
     near = np.all((points >= corners.min(0)) & (points <= corners.max(0)), axis=1)
     return bool(passed.sum() > CROSSED * max(near.sum(), 1))
 
@@ -171,17 +172,3 @@ def _seen(base: Manifold, maps: Sequence[PartMaps], voxel: float) -> F64:
            for one in maps]  # what lies behind a door lies near it as well
     votes = [observe(points, one, NOISE * voxel).surface for one in own]
     return points[np.maximum(*votes) >= VOTES]
-
-
-def _inside(pieces: Sequence[Manifold], points: F64, deep: float) -> Mask:
-    """Return [N] whether points lie within any convex piece, so deep at least."""
-    from scipy.spatial import ConvexHull, QhullError
-
-    out = np.zeros(len(points), bool)
-    for piece in pieces:
-        try:
-            planes = np.unique(ConvexHull(corners_of(piece)).equations, axis=0)
-        except (QhullError, ValueError):  # thinner than rounding, or nothing
-            continue
-        out |= (points @ planes[:, :3].T + planes[:, 3]).max(1) < -deep
-    return out

@@ -15,13 +15,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.sparse import coo_matrix, csr_matrix, diags, identity
 
+from part2gs_robotics.evidence.depth_maps import DepthMaps
 from part2gs_robotics.mesh.bend import Bend, covering
+from part2gs_robotics.mesh.see_through import drawn
 from part2gs_robotics.mesh.silhouettes import Gaps, Shape, gaps, shape_of, together
 from part2gs_robotics.mesh.surface import arrays, flaw
-from part2gs_robotics.model.arrays import F32, F64, I64
-from part2gs_robotics.model.se3 import apply
+from part2gs_robotics.model.arrays import F64, I64
 from part2gs_robotics.model.solids import corners_of, hull_of
-from part2gs_robotics.render.mesh_depths import NEAR, draw_depths
 from part2gs_robotics.volume.part_maps import PartMaps
 from part2gs_robotics.volume.place import Place
 
@@ -159,10 +159,9 @@ def _looked(bodies: Sequence[_Body], place: Place, maps: Sequence[PartMaps], vox
     size = float(np.linalg.norm(np.ptp(everything, axis=0)))
     for s in (0, 1):
         poses = [place.state1_from_0[k] if s else np.eye(4) for k in range(place.count)]
-        own, views = maps[s].maps, np.arange(len(maps[s].maps))[turn::TURNS]
-        first = _drawn(shapes, poses, own.Ks[views], own.viewmats[views],
-                       (own.depths.shape[1:], size))
-        for view, depth in zip(views, first, strict=True):
+        own = _some(maps[s].maps, turn)
+        first = drawn([(shape.vertices, shape.faces) for shape in shapes], poses, own, voxel)
+        for view, depth in enumerate(first):
             alpha = np.asarray(own.alphas[view], np.uint8)
             for k, shape in enumerate(shapes):
                 found[k].append(gaps(shape, own.viewmats[view] @ poses[k], own.Ks[view], alpha,
@@ -171,19 +170,11 @@ def _looked(bodies: Sequence[_Body], place: Place, maps: Sequence[PartMaps], vox
     return [own if len(own.pixels) else None for own in joined]
 
 
-def _drawn(shapes: Sequence[Shape], poses: Sequence[F64], Ks: F64, viewmats: F64,
-           frame: tuple[tuple[int, ...], float]) -> F32:
-    """Return [V, H, W] depth of all posed shapes; frame = (H, W) and size of the object."""
-    (sides, size), faces, first = frame, list[I64](), 0
-    for shape in shapes:
-        faces.append(shape.faces + first)
-        first += len(shape.vertices)
-    vertices = np.concatenate([apply(pose, shape.vertices)
-                               for pose, shape in zip(poses, shapes, strict=True)])
-    depths = np.full((len(Ks), *sides), np.inf, np.float32)
-    draw_depths(vertices.astype(np.float32), np.concatenate(faces), np.ascontiguousarray(Ks),
-                np.ascontiguousarray(viewmats), NEAR * size, depths)
-    return depths
+def _some(maps: DepthMaps, turn: int) -> DepthMaps:
+    """Return the photos of one turn."""
+    some = slice(turn, None, TURNS)
+    return DepthMaps(maps.depths[some], maps.alphas[some], np.ascontiguousarray(maps.Ks[some]),
+                     np.ascontiguousarray(maps.viewmats[some]))
 
 
 def _moved(body: _Body, found: Gaps, voxel: float) -> F64:

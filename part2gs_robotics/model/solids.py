@@ -13,6 +13,7 @@ from part2gs_robotics.errors import MeshError
 from part2gs_robotics.model.arrays import F64, I64
 from part2gs_robotics.model.twin import PartMesh
 
+FLAKE = 1e-5  # of the size: overlap as thin is rounding, a tenth of it in files; cells are 1e-2
 GREY = (160, 160, 160)  # colour of faces nobody observed
 SPRINKLED = 20_000  # points on a surface: 0.7 % of a cube's side apart
 ROUND = 1e-6  # of a piece: corners and normals so near are the same, a file has ten digits

@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import cast
 
 import numpy as np
-import yaml
 
 from part2gs_robotics.errors import SceneError
 from part2gs_robotics.model.arrays import F64
@@ -24,7 +23,7 @@ from part2gs_robotics.readers.nerfstudio import (
     intrinsics,
     refuse_missing,
 )
-from part2gs_robotics.runtime.plain_yaml import NotPlainError, read_plain
+from part2gs_robotics.runtime.plain_yaml import NotPlainError, read_plain_file
 
 KEYFRAMES, CAMERA = "init_keyframes.yml", "cam_K.txt"
 NAME = re.compile(r"frame_(\d+_\d+)")
@@ -118,18 +117,10 @@ def _intrinsics(path: Path) -> F64:
 
 def _keyframes(path: Path) -> dict[str, dict[str, object]]:
     try:
-        size = path.stat().st_size
-        if size > MAX_BYTES:
-            raise SceneError(f"{path}: {size} bytes. Expected at most {MAX_BYTES} bytes of "
-                             "camera data; check that these are keyframes.")
-        text = path.read_text("utf-8")
-        content = read_plain(text, MAX_DEPTH)
+        content = read_plain_file(path, MAX_BYTES, MAX_DEPTH)
     except NotPlainError as err:
-        raise SceneError(f"{path}: {err}. Expected plain keyframes; write the values out.") from err
-    except (OSError, ValueError, yaml.YAMLError, RecursionError) as err:
-        reason = " ".join(str(err).split())[:120] or type(err).__name__
-        raise SceneError(f"{path}: cannot be read as YAML ({reason}). Expected keyframes with "
-                         "cam_in_ob and time; export them again.") from err
+        raise SceneError(f"{path}: {err}. Expected plain keyframes with cam_in_ob and time; export "
+                         "them again.") from err
     if not isinstance(content, dict) or len(content) > MAX_FRAMES:
         raise SceneError(f"{path}: holds no mapping of at most {MAX_FRAMES} keyframes. Expected "
                          "frame_<time>_<number> with cam_in_ob and time; export them again.")

@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import cast
 
 import numpy as np
-import yaml
 from numpy.typing import NDArray
 
 from part2gs_robotics.config import ReadConfig
@@ -21,7 +20,7 @@ from part2gs_robotics.readers.layouts import States, read_layout
 from part2gs_robotics.readers.nerfstudio import PosedImage
 from part2gs_robotics.readers.validate_depth import check_depth
 from part2gs_robotics.readers.wrong_masks import without_wrong_masks
-from part2gs_robotics.runtime.plain_yaml import NotPlainError, read_plain
+from part2gs_robotics.runtime.plain_yaml import NotPlainError, read_plain_file
 from part2gs_robotics.runtime.threads import in_threads
 
 HELD_OUT_EVERY = 8  # 64 views leave 8 unseen: enough for a PSNR, few enough not to be missed
@@ -87,17 +86,10 @@ def read_scene_yaml(path: Path) -> dict[object, object]:
         return {}
     images.own_file(file, path)
     try:
-        if file.stat().st_size > MAX_YAML_BYTES:
-            raise ConfigError(f"{file}: {file.stat().st_size} bytes. Expected a few settings, at "
-                              f"most {MAX_YAML_BYTES} bytes; remove what is not a setting.")
-        text = file.read_text("utf-8")
-        content = read_plain(text, MAX_DEPTH)
+        content = read_plain_file(file, MAX_YAML_BYTES, MAX_DEPTH)
     except NotPlainError as err:
-        raise ConfigError(f"{file}: {err}. Expected plain settings; write the value out.") from err
-    except (OSError, ValueError, yaml.YAMLError, RecursionError) as err:
-        reason = " ".join(str(err).split())[:120] or type(err).__name__
-        raise ConfigError(f"{file}: cannot be read as YAML ({reason}). Expected lines such as "
-                          "'parts: 2'; correct the file.") from err
+        raise ConfigError(f"{file}: {err}. Expected plain settings such as 'parts: 2'; correct the "
+                          "file.") from err
     if content is not None and not isinstance(content, dict):
         raise ConfigError(f"{file}: holds a {type(content).__name__}. Expected a mapping such as "
                           "'parts: 2'; correct the file.")

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 import yaml
-from synth import toy_cabinet_twin
+from synth import put, toy_cabinet_twin
 
 from part2gs_robotics import cli
 from part2gs_robotics.config import BOUNDS, options
@@ -139,15 +139,6 @@ def test_words(tmp_path, refused, words):
     (tmp_path / "other/photos").mkdir(parents=True)
     (tmp_path / "note.txt").write_text("a note")
     refused(*words.split(), says=(WORDS[words],))
-
-
-def put(path: str, value: object):
-    def change(tree: dict) -> None:
-        *way, last = path.split(".")
-        for key in way:
-            tree = tree[int(key) if key.isdigit() else key]
-        tree[int(last) if last.isdigit() else last] = value
-    return change
 
 
 TWINS = [

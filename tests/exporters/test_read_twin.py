@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import yaml
 from random_twins import random_twin
-from synth import toy_cabinet_twin
+from synth import put, toy_cabinet_twin
 
 from part2gs_robotics import cli
 from part2gs_robotics.errors import CheckError
@@ -70,15 +70,6 @@ def test_a_folder_of_the_first_format_is_read(tmp_path: Path) -> None:
     for file in (folder / "assets").iterdir():
         file.rename(folder / file.name)
     assert len(read_twin(folder).parts) == 3
-
-
-def put(path: str, value: object):
-    def change(tree: dict) -> None:
-        *way, last = path.split(".")
-        for key in way:
-            tree = tree[int(key) if key.isdigit() else key]
-        tree[int(last) if last.isdigit() else last] = value
-    return change
 
 
 @pytest.mark.parametrize(("path", "value", "said"), [

@@ -243,7 +243,7 @@ CASES: dict[str, tuple[Break, tuple[str, ...]]] = {
     "scene.yaml with a tag": (text("scene.yaml", "parts: !!python/object:os.system x"),
                               ("cannot be read as YAML",)),
     "YAML bomb": (yaml_bomb, ("YAML alias",)),
-    "scene.yaml of a megabyte": (text("scene.yaml", "# " + "x" * 10**6), ("at most",)),
+    "scene.yaml of a megabyte": (text("scene.yaml", "# " + "x" * 10**6), ("more than 65536",)),
     # flags
     "--parts 0": (arguments("--parts", "0"), ("--parts is 0", "from 1 to 64")),
     "--parts two": (arguments("--parts", "two"), ("--parts is 'two'", "whole number")),
