@@ -1,7 +1,7 @@
-"""Check one asset, here or in a process of its own: what ends that process ends no other.
+"""Check one asset in a process of its own: what ends that process ends no other.
 
-MuJoCo and OpenUSD are C and C++: a hostile file may crash them or fill the memory. The child runs
-`main`; request and report are JSON.
+MuJoCo and OpenUSD are C and C++: a hostile file may crash them or fill the memory, one that says it
+is a twin as well. The child runs `main`; request and report are JSON.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ class Request:
 
 
 def is_ours(path: Path) -> bool:
-    """Return whether an asset is a twin folder: its files are ours, and read here without fear."""
+    """Return whether an asset says that it is a twin folder."""
     return (path / "twin.yaml").is_file()
 
 

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from part2gs_robotics.ci.accepted import Baseline, disabled
-from part2gs_robotics.ci.alone import Request, check_alone, check_here, is_ours, stop_all
+from part2gs_robotics.ci.alone import Request, check_alone, stop_all
 from part2gs_robotics.ci.cache import kept, key_of, load
 from part2gs_robotics.errors import CheckError
 from part2gs_robotics.runtime.threads import in_threads
@@ -75,17 +75,9 @@ def _checked(paths: Sequence[Path], wishes: Wishes) -> list[CheckReport]:
                        notes=(*report.notes, "from the cache: nothing it depends on has changed"))
                for path, report in zip(paths, found, strict=True)]
     missing = [i for i, report in enumerate(reports) if report is None]
-    fresh = _side_by_side([asked[i] for i in missing], wishes.jobs)
+    fresh = in_threads([partial(check_alone, asked[i]) for i in missing], wishes.jobs, stop_all)
     for i, report in zip(missing, fresh, strict=True):
         reports[i] = report
         if wishes.cache and not report.unusable:  # more time or memory may help the next time
             kept(wishes.cache, keys[i], report)
     return [report for report in reports if report is not None]
-
-
-def _side_by_side(requests: Sequence[Request], jobs: int) -> list[CheckReport]:
-    """Return the reports: twin folders one after another here, all others in processes."""
-    one_by_one = jobs == 1 or len(requests) == 1
-    return in_threads([partial(
-        check_here if one_by_one and is_ours(Path(request.path)) else check_alone, request)
-        for request in requests], jobs, stop_all)

@@ -12,10 +12,13 @@ import xml.etree.ElementTree as ET
 from pathlib import Path
 
 import pytest
+from synth import toy_cabinet_twin
 
 from part2gs_robotics.ci import Wishes, alone, check_assets
 from part2gs_robotics.ci.alone import Request, check_alone, check_here
 from part2gs_robotics.cli import main
+from part2gs_robotics.exporters.mjcf import write_mjcf
+from part2gs_robotics.exporters.twin_yaml import write_twin_yaml
 
 SLIDE = """<mujoco><worldbody><body name="b"><joint name="j" type="slide" range="0 1"
   limited="true"/><geom type="box" size=".1 .1 .1"/></body>{more}</worldbody></mujoco>"""
@@ -117,3 +120,18 @@ def test_one_that_cannot_be_used_is_told_alone_too(assets: list[Path],
     assert main(["check", str(assets[2])]) == 2
     assert not capsys.readouterr().out
     assert main(["check"]) == 2
+
+
+def test_a_twin_folder_that_brings_the_engine_down_is_refused(tmp_path: Path) -> None:
+    """MuJoCo puts an unknown class into a format: the C library aborts the process on %n."""
+    write_mjcf(toy_cabinet_twin(1), tmp_path / "twin")
+    file = tmp_path / "twin/twin.xml"
+    write_twin_yaml(toy_cabinet_twin(1), tmp_path / "twin")
+    text = file.read_text()
+    broken = text.replace('class="toy_cabinet_visual" name="part_1_visual"',
+                          'class="%s%n" name="part_1_visual"')
+    assert broken != text
+    file.write_text(broken)
+    (report,) = check_assets([tmp_path / "twin"], Wishes(steps=2))
+    assert report.exit_code == 2
+    assert "twin" in report.unusable
