@@ -2,7 +2,7 @@
 
 Engines take the convex hull of a collision mesh; the hull of a drawer is a full block. A part is
 cut along the planes beside its concave edges until its pieces fill their hulls; then those that
-hull well together are joined again.
+hull well together are joined again, and slices of a hull that are mostly empty are cut away.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ import numpy as np
 
 from part2gs_robotics.collision.concave import concave_planes
 from part2gs_robotics.collision.few_corners import few_cornered
+from part2gs_robotics.collision.fitted import fitted
 from part2gs_robotics.collision.joined import hull, joined
 from part2gs_robotics.collision.walls import Cut, facets, main_directions, wall_cuts
 from part2gs_robotics.model.arrays import F64, I64
@@ -51,14 +52,15 @@ def convex_pieces(
         MeshError: if the mesh is not closed.
 
     Source: binary space partition along planes of concave edges and of walls, least sum of
-        (hull - volume), then greedy joining; chosen by benchmarks/geometry.py.
+        (hull - volume), greedy joining, then `fitted`; chosen by benchmarks/geometry.py.
     """
     solid = _simpler(require_closed(mesh, "convex_pieces"), tolerance)
     leaves = _cut_up(solid, tolerance, LEAVES * max_pieces)
     pieces = [hull(corners_of(leaf), float(leaf.volume())) for leaf in leaves]
     fewer = joined([p for p in pieces if p.volume > 0], max_pieces, CONVEX, tolerance)
     red, green, blue = (int(c) for c in mesh.colors.mean(0)) if len(mesh.colors) else (160,) * 3
-    hulls = [few_cornered(hull_of(piece.corners)) for piece in fewer]
+    within = [fitted(hull_of(piece.corners), solid) for piece in fewer]
+    hulls = [few_cornered(hull_of(corners_of(piece))) for piece in within if not piece.is_empty()]
     kept = [h for h in hulls if h.num_tri() >= 4 and h.volume() > CRUMB * solid.volume()]
     return tuple(to_mesh(h, (red, green, blue)) for h in kept or [hull_of(mesh.vertices)])
 

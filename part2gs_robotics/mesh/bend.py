@@ -43,14 +43,20 @@ def beyond(pieces: Sequence[F64], points: F64) -> tuple[F64, I64]:
     """
     far, nearest = np.full(len(points), np.inf), np.full(len(points), -1)
     for i, corners in enumerate(pieces):
-        try:
-            planes = np.unique(ConvexHull(corners).equations, axis=0)
-        except (QhullError, ValueError):
+        if not len(planes := planes_of(corners)):
             continue
         own = (points @ planes[:, :3].T + planes[:, 3]).max(1)
         nearer = own < far
         far[nearer], nearest[nearer] = own[nearer], i
     return far, nearest
+
+
+def planes_of(corners: F64) -> F64:
+    """Return [P, 4] outward planes (normal, -level) of a convex piece, none if it is flat."""
+    try:
+        return np.unique(ConvexHull(corners).equations, axis=0)
+    except (QhullError, ValueError):
+        return np.zeros((0, 4))
 
 
 def covering(pieces: Sequence[F64], points: F64) -> list[F64]:

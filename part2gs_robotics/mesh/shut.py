@@ -17,10 +17,10 @@ from typing import TYPE_CHECKING, cast
 import numpy as np
 
 from part2gs_robotics.evidence.depth_maps import observe
-from part2gs_robotics.mesh.bend import beyond
+from part2gs_robotics.mesh.bend import planes_of
 from part2gs_robotics.mesh.make_room import base_apart
 from part2gs_robotics.mesh.surface import arrays
-from part2gs_robotics.model.arrays import F64
+from part2gs_robotics.model.arrays import F64, Mask
 from part2gs_robotics.model.joint import Joint
 from part2gs_robotics.model.se3 import apply, inverse
 from part2gs_robotics.model.solids import corners_of
@@ -156,13 +156,25 @@ def _in_the_way(base: Manifold, pieces: Sequence[Manifold], place: Place,
     early = NOISE * voxel / np.maximum(lever, voxel)  # before it is shut, rad
     whole = abs(end.value - end.start)
     passed, own = np.zeros(len(points), bool), [corners_of(piece) for piece in pieces]
+    walls = [planes_of(corners) for corners in own]
     for way in np.arange(0.0, whole, STEP):
         q = end.start + np.sign(end.value - end.start) * way
-        back = apply(inverse(joint.transform(q)), points)
-        passed |= (way < whole - early) & (beyond(own, back)[0] < -0.5 * voxel)
+        left = np.flatnonzero(~passed & (way < whole - early))
+        back = apply(inverse(joint.transform(q)), points[left])
+        passed[left] = _inside(own, walls, back, 0.5 * voxel)
     corners = np.concatenate(own)
     near = np.all((points >= corners.min(0)) & (points <= corners.max(0)), axis=1)
     return bool(passed.sum() > CROSSED * max(near.sum(), 1))
+
+
+def _inside(pieces: Sequence[F64], walls: Sequence[F64], points: F64, depth: float) -> Mask:
+    """Return [N] which points are so deep inside a convex piece, of its corners and planes."""
+    inside = np.zeros(len(points), bool)
+    for corners, planes in zip(pieces, walls, strict=True):
+        near = np.all((points >= corners.min(0)) & (points <= corners.max(0)), axis=1) & ~inside
+        if len(planes) and near.any():
+            inside[near] = (points[near] @ planes[:, :3].T + planes[:, 3]).max(1) < -depth
+    return inside
 
 
 def _seen(base: Manifold, maps: Sequence[PartMaps], voxel: float) -> F64:

@@ -64,7 +64,7 @@ def test_noisy_boards_stay_within_the_tolerance(index: int) -> None:
     assert found.phantom + found.missing < 0.015 * hull  # a single hull has 66 times as much
     assert found.phantom_depth < 0.3 * tolerance
     assert found.beyond < tolerance
-    assert found.missing < 0.02 * found.volume
+    assert found.missing < 0.05 * found.volume
 
 
 def tube(start: tuple[float, ...], end: tuple[float, ...]) -> manifold3d.Manifold:
