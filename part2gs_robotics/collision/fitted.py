@@ -68,12 +68,12 @@ def _best_cut(piece: Manifold, real: Manifold) -> tuple[F64, float] | None:
 
 
 def _gains(hull: F64, own: F64, sides: F64, levels: F64) -> F64:
-    """Return [S, L] what is gained by cutting at levels: empty space, less what is lost of a part."""
+    """Return [S, L] what cutting at levels gains: empty space, less what is lost of a part."""
     return volumes_above(hull, sides, levels) - (1.0 + REAL) * volumes_above(own, sides, levels)
 
 
 def _sides(tri: F64) -> F64:
-    """Return [S, 3] unit normals of the sides of a solid, those of almost one direction as their mean."""
+    """Return [S, 3] unit normals of a solid's sides, those of almost one direction as one."""
     areas = np.cross(tri[:, 1] - tri[:, 0], tri[:, 2] - tri[:, 0])
     length = np.linalg.norm(areas, axis=1)
     areas, length = areas[length > 0], length[length > 0]
