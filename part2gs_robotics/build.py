@@ -14,16 +14,17 @@ import numpy as np
 
 from part2gs_robotics import __version__
 from part2gs_robotics.config import Config
-from part2gs_robotics.errors import FitError, StoreError
+from part2gs_robotics.errors import FitError
 from part2gs_robotics.model.gaussians import Gaussians
 from part2gs_robotics.model.motion import Motion
 from part2gs_robotics.model.scene import Scene, StateViews
 from part2gs_robotics.model.scene_frame import frame_of, internal
 from part2gs_robotics.model.twin import Part, Texture, Twin
-from part2gs_robotics.outputs import BuildResult, Told, twin_in_scene, twin_name, write_outputs
+from part2gs_robotics.outputs import output_folder, twin_in_scene, twin_name, write_outputs
 from part2gs_robotics.plan import make_plan, settle_plan
 from part2gs_robotics.readers.read_scene import read_scene
 from part2gs_robotics.render.pick_device import describe, pick_device
+from part2gs_robotics.result import BuildResult, Told
 from part2gs_robotics.runtime.device import rendering_on
 from part2gs_robotics.runtime.hashing import code_version, hash_of
 from part2gs_robotics.runtime.jit_cache import compile_seconds, kept_in, prepare_jit_cache
@@ -93,20 +94,6 @@ def build(path: Path, config: Config) -> int:
             logger.warning("%s", cache_note)
         with watched(output.view) as training:
             return _Corridor(scene, config, store, time.monotonic() - began, training).run()
-
-
-def output_folder(scene: Path, wanted: str | None) -> Path:
-    """Return where results go.
-
-    Raises:
-        StoreError: inside the scene, whose files are never touched.
-    """
-    resolved = scene.resolve()
-    out = Path(wanted) if wanted else resolved.parent / f"{resolved.name}_twin"
-    if out.resolve().is_relative_to(resolved) and scene.is_dir():
-        raise StoreError(f"{out}: lies in the scene folder {scene}. Expected a folder outside of "
-                         "it, the scene is never written; choose another one with -o.")
-    return out
 
 
 class _Corridor:

@@ -86,8 +86,9 @@ def _write_traceback() -> str:
 
 
 def _build(call: Call) -> int:
-    from part2gs_robotics.build import build, output_folder
+    from part2gs_robotics.build import build
     from part2gs_robotics.commands.from_photos import scene_of_photos, settings_for
+    from part2gs_robotics.outputs import output_folder
     from part2gs_robotics.readers.read_scene import read_scene_yaml
 
     scene, flags = Path(call.paths[0]), call.flags

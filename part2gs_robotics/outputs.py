@@ -5,71 +5,29 @@ from __future__ import annotations
 import logging
 import re
 from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, replace
 from importlib import import_module
 from pathlib import Path
 from typing import cast
 
 import numpy as np
 import yaml
-from numpy.typing import NDArray
 
 from part2gs_robotics import __version__
 from part2gs_robotics.config import Config, to_dict
 from part2gs_robotics.errors import StoreError
-from part2gs_robotics.model.gaussians import Gaussians, Splats
-from part2gs_robotics.model.kinematics import facing, part_motions
+from part2gs_robotics.model.gaussians import Gaussians
 from part2gs_robotics.model.motion import Motion
 from part2gs_robotics.model.scale import ASSUMED, with_scale
-from part2gs_robotics.model.scene import Scene
 from part2gs_robotics.model.scene_frame import SceneFrame, gaussians_in_scene, parts_in_scene
-from part2gs_robotics.model.se3 import inverse, inverses
-from part2gs_robotics.model.solids import bounds
 from part2gs_robotics.model.twin import Twin
-from part2gs_robotics.plan import Plan
-from part2gs_robotics.report.data import Picture
+from part2gs_robotics.pictures import pictures_of
 from part2gs_robotics.report.report_json import ReportData, write_report
+from part2gs_robotics.result import BuildResult
 from part2gs_robotics.runtime.atomic import replace_files, write_text_atomic
 from part2gs_robotics.sim_checks.result import CheckReport, CheckResult
-from part2gs_robotics.stages import Fitted
 
-PICTURES = 3  # held-out photos of each state in the report: sides of the object
 logger = logging.getLogger(__name__)
-
-
-@dataclass(frozen=True)
-class BuildResult:
-    """All that a build found, for those who write it down.
-
-    Attributes:
-        scene: what was read, in internal units like the fits.
-        frame: scene_from_internal.
-        fits: Gaussians and curve of both states.
-        motion: part identities of these Gaussians.
-        twin: what was built, in the scene's frame.
-        plan: settled decisions.
-        config: resolved settings.
-        seconds: wall time per stage.
-    """
-
-    scene: Scene
-    frame: SceneFrame
-    fits: tuple[Fitted, Fitted]
-    motion: Motion
-    twin: Twin
-    plan: Plan
-    config: Config
-    seconds: dict[str, float]
-
-
-@dataclass(frozen=True)
-class Told:
-    """What is settled before the twin is written: plan, fits, motion, and the meshes' key."""
-
-    plan: Plan
-    fits: tuple[Fitted, Fitted]
-    motion: Motion
-    key: str
 
 
 def write_outputs(folder: Path, out: Path, result: BuildResult) -> tuple[CheckReport, str]:
@@ -92,6 +50,20 @@ def write_outputs(folder: Path, out: Path, result: BuildResult) -> tuple[CheckRe
     report = with_failed(replace(checked, path=str(out)), result.motion)
     write_report(folder, _told(result, report, splats))
     return report, _summary(out, twin, report)
+
+
+def output_folder(scene: Path, wanted: str | None) -> Path:
+    """Return where results go.
+
+    Raises:
+        StoreError: inside the scene, whose files are never touched.
+    """
+    resolved = scene.resolve()
+    out = Path(wanted) if wanted else resolved.parent / f"{resolved.name}_twin"
+    if out.resolve().is_relative_to(resolved) and scene.is_dir():
+        raise StoreError(f"{out}: lies in the scene folder {scene}. Expected a folder outside of "
+                         "it, the scene is never written; choose another one with -o.")
+    return out
 
 
 def twin_name(scene: Path, out: Path) -> str:
@@ -148,7 +120,7 @@ def _told(result: BuildResult, report: CheckReport, splats: tuple[Gaussians, ...
         twin=result.twin, counts=_counts(result), stage_seconds=result.seconds,
         plan=result.plan.rows(),
         curves=tuple((f"state {index}", fit[1]) for index, fit in enumerate(result.fits)),
-        pictures=_pictures(result),
+        pictures=pictures_of(result),
         splats=splats, checks=report.to_dict(), notes=report.notes)
 
 
@@ -172,68 +144,6 @@ def _write_gaussians(folder: Path, result: BuildResult) -> tuple[Gaussians, ...]
     for part, share in zip(result.twin.parts, shares, strict=True):
         write_gaussians_ply(share, folder / f"{part.name}.ply")
     return shares
-
-
-def _views(result: BuildResult) -> tuple[list[int], list[int]]:
-    """Return the views of both states to show: the one to look at first, then held-out ones.
-
-    Of state 1 the first is on the side of the object to which its parts move, of state 0 the one
-    that looks most like it.
-    """
-    middle, wanted = bounds((result.twin.parts[0].mesh,)).mean(0), facing(result.twin)
-    shown = []
-    for state in reversed(result.scene.states):
-        eyes = result.frame.points(inverses(state.viewmats)[:, :3, 3])
-        ways = (eyes - middle) / np.linalg.norm(eyes - middle, axis=1, keepdims=True)
-        first = int(np.argmax(ways @ wanted))
-        wanted = ways[first]
-        views = np.flatnonzero(state.held_out)
-        views = np.roll(views, -int(np.argmax(ways[views] @ wanted)) if len(views) else 0)
-        shown.append([first, *views[:: max(1, len(views) // PICTURES)][:PICTURES].tolist()])
-    return shown[1], shown[0]
-
-
-def _pictures(result: BuildResult) -> tuple[Picture, ...]:
-    """Return photos of both states, the held-out ones with renders."""
-    from part2gs_robotics.evidence.cross_render import move_gaussians
-
-    moves = part_motions(result.motion.joints, result.motion.parents)
-    moved = [move_gaussians(result.fits[source][0], result.motion.labels(source), there)
-             for source, there in ((1, [inverse(move) for move in moves]), (0, moves))]
-    out = []
-    for index, (first, *held_out) in enumerate(_views(result)):
-        out.append(_photo(result, index, first, "photo"))
-        for view in held_out:
-            plain = _photo(result, index, view, "held-out view")
-            out.append(replace(plain, render=_drawn(result, index, view)[..., :3],
-                               moved=_drawn(result, index, view, moved[index])))
-    return tuple(out)
-
-
-def _photo(result: BuildResult, index: int, view: int, kind: str) -> Picture:
-    """Return a photo over white, its mask and where it was taken."""
-    state = result.scene.states[index]
-    alpha = state.alphas[view][..., None] / 255.0
-    photo = state.images[view] * alpha + 255.0 * (1.0 - alpha)
-    pose = inverse(state.viewmats[view])
-    pose[:3, 3] = result.frame.points(pose[:3, 3])
-    return Picture(f"state {index}, {kind} {state.names[view]}", index,
-                   np.rint(photo).astype(np.uint8), mask=alpha[..., 0] > 0.5,
-                   world_from_camera=pose,
-                   fov=2 * float(np.arctan(state.height / 2 / state.Ks[view, 1, 1])))
-
-
-def _drawn(result: BuildResult, index: int, view: int,
-           moved: Splats | None = None) -> NDArray[np.uint8]:
-    """Return [H, W, 4] what a state's Gaussians show over white, or moved ones of the other."""
-    from part2gs_robotics.fit.view_color import WHITE, drawn_over
-    from part2gs_robotics.render.dispatch import render
-
-    state = result.scene.states[index]
-    seen = (drawn_over(result.fits[index][0], state, view, WHITE) if moved is None
-            else render(moved, state.camera(view), background=WHITE))
-    both = np.concatenate([seen.color, seen.alpha[..., None]], -1)
-    return np.rint(np.clip(both * 255.0, 0, 255)).astype(np.uint8)
 
 
 def _summary(out: Path, twin: Twin, report: CheckReport) -> str:

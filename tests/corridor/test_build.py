@@ -16,13 +16,13 @@ import pytest
 from synth import toy_cabinet_twin
 from synth_photos import write_ball_scene
 
-from part2gs_robotics.build import output_folder
 from part2gs_robotics.config import Config, ReadConfig, resolve
 from part2gs_robotics.errors import StoreError
 from part2gs_robotics.model.gaussians import Gaussians
 from part2gs_robotics.model.joint import Joint
 from part2gs_robotics.model.motion import Motion
 from part2gs_robotics.model.twin import Texture
+from part2gs_robotics.outputs import output_folder
 from part2gs_robotics.plan import make_plan, settle_plan
 from part2gs_robotics.readers.read_scene import read_scene
 from part2gs_robotics.runtime.store import Saved, read_stage, write_stage

@@ -15,9 +15,10 @@ from part2gs_robotics.model.motion import Motion
 from part2gs_robotics.model.scene_frame import SceneFrame
 from part2gs_robotics.model.solids import to_mesh
 from part2gs_robotics.model.twin import Part, Twin
-from part2gs_robotics.outputs import PICTURES, BuildResult, _pictures
+from part2gs_robotics.pictures import PICTURES, pictures_of
 from part2gs_robotics.plan import Plan
 from part2gs_robotics.report.unexplained import unexplained
+from part2gs_robotics.result import BuildResult
 
 BASE, BLOCK = Box((0, 0, 0), (1, 1, 0.2), 1), Box((0.1, 0.1, 0.25), (0.4, 0.9, 0.5), 2)
 JOINT = Joint("prismatic", np.array([1.0, 0, 0]), np.zeros(3), 0.45)
@@ -52,7 +53,7 @@ def built(joint: Joint) -> BuildResult:
 @pytest.mark.parametrize(("share", "least", "most"), [(1.0, 0.0, 0.1), (0.5, 0.2, 1.0)])
 def test_the_true_joint_explains_the_photos_and_half_of_it_does_not(
         share: float, least: float, most: float) -> None:
-    pictures = _pictures(built(replace(JOINT, value=share * JOINT.value)))
+    pictures = pictures_of(built(replace(JOINT, value=share * JOINT.value)))
     differs = [found.differs for p in pictures if (found := unexplained(p)) is not None]
     assert len(differs) == 2 * PICTURES
     assert least <= min(differs) <= max(differs) <= most
@@ -61,7 +62,7 @@ def test_the_true_joint_explains_the_photos_and_half_of_it_does_not(
 def test_pictures_stand_where_their_cameras_do() -> None:
     """A point of the scene's frame lands on the pixel where the internal one does."""
     result = built(JOINT)
-    for picture in _pictures(result):
+    for picture in pictures_of(result):
         state = result.scene.states[picture.state]
         view = next(v for v, name in enumerate(state.names) if picture.caption.endswith(name))
         place = np.array([0.3, 0.7, 0.4])
@@ -72,7 +73,7 @@ def test_pictures_stand_where_their_cameras_do() -> None:
 
 
 def test_of_each_state_the_first_photo_is_from_where_the_part_went() -> None:
-    pictures = _pictures(built(JOINT))
+    pictures = pictures_of(built(JOINT))
     first = [next(p for p in pictures if p.state == state) for state in (0, 1)]
     for picture in first:
         assert picture.render is None
