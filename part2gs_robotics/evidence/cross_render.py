@@ -6,6 +6,7 @@ joint makes them look more like what the cameras saw in the other state.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 from functools import partial
 
@@ -56,7 +57,15 @@ def cross_cost(
         normals: [N, 3] of the side that the source state saw, where they have moved to; the colour
             of another side is not compared. None = every side was seen.
     """
-    total, work = 0.0, Workspace()
+    total = 0.0
+    for costs in cross_errors(moved, views, normals):
+        total += float(costs.sum(dtype=np.float64))
+    return total / max(float(views.alphas.sum()), 1.0)
+
+
+def cross_errors(moved: Splats, views: SmallViews, normals: F64 | None = None) -> Iterator[F32]:
+    """Yield [H, W] the cost of every pixel of every view. Arguments as of `cross_cost`."""
+    work = Workspace()
     for v in range(len(views)):
         behind = None if normals is None else _behind(moved.means, normals, views.viewmats[v])
         out = render(moved, views.camera(v), extra=behind, workspace=work)
@@ -64,8 +73,7 @@ def cross_cost(
         costs = np.zeros_like(out.alpha)
         _pixel_costs(out.color, out.alpha, far, views.colors[v], views.alphas[v], costs)
         least = 0.0 if views.floor is None else views.floor[v]
-        total += float(np.maximum(costs - least, 0.0).sum(dtype=np.float64))
-    return total / max(float(views.alphas.sum()), 1.0)
+        yield np.maximum(costs - least, 0.0)
 
 
 def _behind(means: Floats, normals: F64, view: F64) -> NDArray[np.float32]:
@@ -141,14 +149,28 @@ def both_cost(
 
     def cost(source: int) -> float:
         there = moves if source == 0 else [se3.inverse(m) for m in moves]
-        pair = gaussians[source], labels[source]
-        moved = move_gaussians(*pair, there)
-        if light:
-            moved = replace(moved, colors=light.colors(source, *pair, there))
-        normals = light.turned(source, labels[source], there) if light else None
+        moved, normals = shown(source, gaussians[source], labels[source], there, light)
         return cross_cost(moved, views[1 - source], normals)
 
     # A direction that counts for less than 2 % is not worth its renders.
     asked = [source for source in (0, 1) if source_weight[source] > 0.02]
     costs = side_by_side([partial(cost, source) for source in asked])
     return sum(source_weight[s] * c for s, c in zip(asked, costs, strict=True))
+
+
+def shown(source: int, gaussians: Gaussians, labels: NDArray[np.int64], there: list[F64],
+          light: Light | None) -> tuple[Splats, F64 | None]:
+    """Return a state's Gaussians moved, as bright as the light makes them, and their normals there.
+
+    Args:
+        source: their state.
+        gaussians: of that state.
+        labels: [N] part of each.
+        there: [4, 4] per label, to the other state.
+        light: None = faces keep their brightness, and every side was seen.
+    """
+    moved = move_gaussians(gaussians, labels, there)
+    if light is None:
+        return moved, None
+    moved = replace(moved, colors=light.colors(source, gaussians, labels, there))
+    return moved, light.turned(source, labels, there)

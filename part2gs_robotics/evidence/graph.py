@@ -115,7 +115,7 @@ def _lines(own: Surfels, neighbors: NDArray[np.int32], maps: DepthMaps, photos: 
     """Return [n, k] the mean strength of what photos show between neighbours, NaN = not seen."""
     total = np.zeros((2, *neighbors.shape), np.float32)
     for v in np.flatnonzero(~photos.held_out)[::PHOTOS]:
-        spots, seen = _seen(own, maps, int(v), ON * diag)
+        spots, seen = seen_in(own, maps, int(v), ON * diag)
         _between(spots, seen, neighbors, _strength(photos.images[v]), total[0], total[1])
     return np.where(total[1] > 0, total[0] / np.maximum(total[1], 1), np.nan).astype(np.float32)
 
@@ -127,8 +127,16 @@ def _strength(image: NDArray[np.uint8]) -> F32:
     return np.sqrt(across**2 + down**2).max(-1)
 
 
-def _seen(own: Surfels, maps: DepthMaps, v: int, on: float) -> tuple[NDArray[np.int32], Mask]:
-    """Return [n, 2] column and row of every surfel in a view, and which of them the view sees."""
+def seen_in(own: Surfels, maps: DepthMaps, v: int, on: float,
+            ) -> tuple[NDArray[np.int32], Mask]:
+    """Return [n, 2] column and row of every surfel in a view, and which of them the view sees.
+
+    Args:
+        own: surfels of a state.
+        maps: of the same state.
+        v: the view.
+        on: farthest from the depth that the view has there, scene units.
+    """
     height, width = maps.depths[v].shape
     placed = own.points @ maps.projections[v][:, :3].T + maps.projections[v][:, 3]
     depth = placed[:, 2]

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from part2gs_robotics.model.arrays import Mask
 from part2gs_robotics.model.joint import Joint
 
 FAILED = "Failed for a part:"  # begins the note of a part that was decided on but not built
@@ -39,6 +40,28 @@ class Motion:
     def labels(self, state: int) -> NDArray[np.int64]:
         """Return [N_s] the most likely part of every Gaussian of a state."""
         return np.asarray(self.part_probs[state].argmax(1), np.int64)
+
+
+@dataclass(frozen=True)
+class LeftOver:
+    """What of the moved surface no part explains.
+
+    Attributes:
+        share: of the moved surface of both states, by area, 0..1.
+        bound: the most that noise of the same scene makes of it.
+        views: per state, the photo that shows most of it; -1 = there is none.
+        marks: per state, [H, W] where that photo shows it.
+    """
+
+    share: float
+    bound: float
+    views: tuple[int, int]
+    marks: tuple[Mask, Mask]
+
+    @property
+    def complete(self) -> bool:
+        """Whether the parts explain all that moved but for noise."""
+        return self.share <= self.bound
 
 
 def without_part(motion: Motion, part: int, note: str) -> Motion:

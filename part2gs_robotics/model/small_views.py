@@ -68,10 +68,15 @@ def spread(viewmats: F64, count: int) -> list[int]:
     return sorted(farthest(centres, count, 0).tolist())
 
 
+def chosen(state: StateViews, count: int) -> NDArray[np.int64]:
+    """Return indices of up to `count` training views spread over the sphere."""
+    train = np.flatnonzero(~state.held_out)
+    return np.asarray(train[spread(state.viewmats[train], count)], np.int64)
+
+
 def small_views(state: StateViews, count: int, side: int) -> SmallViews:
     """Return `count` training views spread over the sphere, longest side `side` pixels."""
-    train = np.flatnonzero(~state.held_out)
-    index = train[spread(state.viewmats[train], count)]
+    index = chosen(state, count)
     scale = min(1.0, side / max(state.width, state.height))
     size = (max(1, round(state.width * scale)), max(1, round(state.height * scale)))
     colors, alphas = [], []

@@ -1,0 +1,210 @@
+"""Left over: what of the moved surface the final joints do not explain, and where.
+
+A surfel is contradicted where its part's motion takes it to a place that the other state saw empty.
+Noise makes such places too, so every body of them is heard by the photos: the other state's
+Gaussians, moved by the joints, look wrong there or they do not, measured by what this scene shows
+in one place in both states. What was hidden in the other state counts neither way.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import partial
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_matrix
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
+
+from part2gs_robotics.evidence.canonical import Canonical
+from part2gs_robotics.evidence.cross_render import cross_errors, floor_of, shown
+from part2gs_robotics.evidence.depth_maps import observe
+from part2gs_robotics.evidence.graph import ON, build_graph, seen_in
+from part2gs_robotics.evidence.light import Light
+from part2gs_robotics.evidence.surfaces import FREE_TOLERANCE, MIN_VIEWS
+from part2gs_robotics.model import se3
+from part2gs_robotics.model.arrays import F64, Labels, Mask
+from part2gs_robotics.model.kinematics import part_motions
+from part2gs_robotics.model.motion import LeftOver, Motion
+from part2gs_robotics.model.small_views import chosen, small_views
+from part2gs_robotics.runtime.side_by_side import side_by_side
+
+VIEWS, SIDE = 24, 200  # photos of each state, and their longest side: of `canonical`, as many tell
+BODY = 0.5  # of a surfel's neighbours: a body has area, noise comes in specks and along edges
+# Quantile of the errors of what both states show: half of a body has to look worse than that.
+USUAL = 0.75
+SHAPE = 0.05  # of the diagonal: half of a body nearer to its own moving part is that part's shape
+LEAST = 0.02  # of the moved surface
+
+
+@dataclass(frozen=True)
+class Surface:
+    """Every surfel of both states under the joints, state 1 after state 0.
+
+    Attributes:
+        moved: [N] whether it moved, by its part or by what the other state saw in its place.
+        contradicted: [N] whether the other state saw its new place empty.
+        agrees: [N] whether the other state saw a surface there.
+        shape: [N] whether it moves, and its part is near that place in the other state.
+        errors: [N] how wrong photos show its place, 0..1; NaN = no photo does.
+        neighbors: [N, k] rows.
+    """
+
+    moved: Mask
+    contradicted: Mask
+    agrees: Mask
+    shape: Mask
+    errors: F64
+    neighbors: NDArray[np.int32]
+
+    def share(self, mask: Mask) -> float:
+        """Return how much of the moved surface a mask is."""
+        return float((mask & self.moved).sum() / max(int(self.moved.sum()), 1))
+
+
+def left_over(both: Canonical, motion: Motion) -> LeftOver:
+    """Return what the joints leave unexplained.
+
+    Args:
+        both: states, comparable.
+        motion: final joints, and the part of every Gaussian.
+    """
+    surface = surface_under(both, motion)
+    bad, noise = sorted_out(surface)
+    marked = [marks(both, state, own) for state, own in
+              enumerate(np.split(bad, [len(both.surfaces.surfels[0])]))]
+    return LeftOver(surface.share(bad), LEAST + surface.share(noise),
+                    (marked[0][0], marked[1][0]), (marked[0][1], marked[1][1]))
+
+
+def sorted_out(surface: Surface) -> tuple[Mask, Mask]:
+    """Return [N] the bodies that nothing explains, and [N] those that are noise.
+
+    Noise is what is contradicted though photos show nothing wrong, or a part's own poor shape.
+    """
+    spots = surface.contradicted & (surface.contradicted[surface.neighbors].mean(1) >= BODY)
+    number = bodies(spots, surface.neighbors)
+    known = surface.agrees & ~surface.contradicted & np.isfinite(surface.errors)
+    usual = float(np.quantile(surface.errors[known], USUAL)) if known.any() else 0.0
+    wrong = np.nan_to_num(surface.errors) > usual
+    count = np.bincount(number[spots], minlength=len(spots))
+    worse, near = (np.bincount(number[spots & m], minlength=len(count)) > 0.5 * count
+                   for m in (wrong, surface.shape))
+    bad = spots & (worse & ~near)[number]
+    return bad, spots & ~bad
+
+
+def bodies(mask: Mask, neighbors: NDArray[np.int32]) -> Labels:
+    """Return [N] the number of the connected piece of a mask that every surfel of it is in.
+
+    Args:
+        mask: [N].
+        neighbors: [N, k] rows.
+    """
+    rows, cols = np.repeat(np.arange(len(mask)), neighbors.shape[1]), neighbors.ravel()
+    on = mask[rows] & mask[cols]
+    graph = csr_matrix((np.ones(int(on.sum()), np.int8), (rows[on], cols[on])),
+                       shape=(len(mask), len(mask)))
+    return np.asarray(connected_components(graph, directed=False)[1], np.int64)
+
+
+def surface_under(both: Canonical, motion: Motion) -> Surface:
+    """Return every surfel of both states under the joints. Arguments as of `left_over`."""
+    seen, moves = both.surfaces, part_motions(motion.joints, motion.parents)
+    labels = [_labels(both, motion, state) for state in (0, 1)]
+    rows = [_votes(both, state, own, moves) for state, own in enumerate(labels)]
+    free, met, before = (np.concatenate([row[i] for row in rows]) for i in range(3))
+    hard = np.concatenate(labels)
+    own = _of_own_part(both, labels, moves)
+    errors = side_by_side([partial(_errors, both, motion, state, moves) for state in (0, 1)])
+    return Surface(before | free | ((hard > 0) & met), free, met,
+                   (hard > 0) & (own < SHAPE * seen.diag), np.concatenate(errors),
+                   build_graph(seen.surfels).neighbors)
+
+
+def _labels(both: Canonical, motion: Motion, state: int) -> Labels:
+    """Return [N_s] the part of every surfel of a state: that of the nearest Gaussian."""
+    near = cKDTree(both.gaussians[state].means).query(both.surfaces.surfels[state].points)[1]
+    return motion.labels(state)[near]
+
+
+def _there(state: int, moves: list[F64]) -> list[F64]:
+    return moves if state == 0 else [se3.inverse(move) for move in moves]
+
+
+def _votes(both: Canonical, state: int, labels: Labels, moves: list[F64],
+           ) -> tuple[Mask, Mask, Mask]:
+    """Return [N_s] which surfels the other state saw past, met, and saw past where they were."""
+    seen = both.surfaces
+    points, there = seen.surfels[state].points, np.stack(_there(state, moves))[labels]
+    moved = np.einsum("nij,nj->ni", there[:, :3, :3], points) + there[:, :3, 3]
+    new, old = (observe(p, seen.maps[1 - state], FREE_TOLERANCE * seen.diag)
+                for p in (moved, points))
+    return ((new.free >= MIN_VIEWS) & (new.free > 2 * new.surface),
+            (new.surface >= MIN_VIEWS) & (new.surface > 2 * new.free),
+            (old.free >= MIN_VIEWS) & (old.free > 2 * old.surface))
+
+
+def _of_own_part(both: Canonical, labels: list[Labels], moves: list[F64]) -> F64:
+    """Return [N] how far every moved surfel is from its part in the other state; inf without."""
+    surfels, out = both.surfaces.surfels, [np.full(len(own), np.inf) for own in labels]
+    for state in (0, 1):
+        for k, move in enumerate(_there(state, moves)):
+            mine, theirs = labels[state] == k, labels[1 - state] == k
+            if mine.any() and theirs.any():
+                points = se3.apply(move, surfels[state].points[mine])
+                out[state][mine] = cKDTree(surfels[1 - state].points[theirs]).query(points)[0]
+    return np.concatenate(out)
+
+
+def _errors(both: Canonical, motion: Motion, state: int, moves: list[F64]) -> F64:
+    """Return [N_s] how wrong the other state's Gaussians look where photos show each surfel."""
+    seen, other = both.surfaces, 1 - state
+    own, maps = seen.surfels[state], seen.maps[state]
+    near = cKDTree(seen.surfels[other].points).query(both.gaussians[other].means)[1]
+    normals = seen.surfels[other].normals[near]
+    light = Light(seen.shades, (normals, normals))
+    there = _there(other, moves)
+    splats, facing = shown(other, both.seen[other], motion.labels(other), there, light)
+    views = small_views(both.scene.states[state], VIEWS, SIDE)
+    views = replace(views, floor=floor_of(both.seen[state], views))
+    total, count = np.zeros(len(own)), np.zeros(len(own))
+    scale = views.alphas.shape[1] / maps.depths.shape[1]
+    index = chosen(both.scene.states[state], VIEWS)
+    for v, costs in zip(index, cross_errors(splats, views, facing), strict=True):
+        spots, shows = seen_in(own, maps, int(v), ON * seen.diag)
+        col, row = (np.minimum((spots * scale).astype(int), np.array(costs.shape[::-1]) - 1)).T
+        total[shows] += costs[row[shows], col[shows]]
+        count[shows] += 1
+    return np.where(count > 0, total / np.maximum(count, 1), np.nan)
+
+
+def marks(both: Canonical, state: int, mask: Mask) -> tuple[int, Mask]:
+    """Return the photo of a state that shows most of some surfels, -1 = none, and where, [H, W].
+
+    Args:
+        both: states, comparable.
+        state: 0 or 1.
+        mask: [N_s] the surfels.
+    """
+    seen = both.surfaces
+    own, maps = seen.surfels[state].select(mask), seen.maps[state]
+    out: NDArray[np.bool_] = np.zeros(maps.depths.shape[1:], bool)
+    if not len(own):
+        return -1, out
+    shows = [seen_in(own, maps, v, ON * seen.diag) for v in range(len(maps))]
+    best = int(np.argmax([on.sum() for _, on in shows]))
+    spots = shows[best][0][shows[best][1]]
+    out[spots[:, 1], spots[:, 0]] = True
+    return best, _filled(out, both.surfel_size * seen.diag * maps.Ks[best, 0, 0]
+                         / float(np.median(maps.depths[best][out])))
+
+
+def _filled(mask: Mask, pixels: float) -> Mask:
+    """Return a mask of points grown to discs as wide as the surfels, so that none is between."""
+    import cv2
+
+    size = 2 * int(np.ceil(pixels)) + 1
+    disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (size, size))
+    return cv2.morphologyEx(mask.astype(np.uint8), cv2.MORPH_CLOSE, disc) > 0
