@@ -10,17 +10,21 @@ from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
-import numpy as np
-
 from part2gs_robotics import __version__
 from part2gs_robotics.config import Config
 from part2gs_robotics.errors import FitError
 from part2gs_robotics.model.gaussians import Gaussians
-from part2gs_robotics.model.motion import Motion
-from part2gs_robotics.model.scene import Scene, StateViews
+from part2gs_robotics.model.motion import LeftOver, Motion
+from part2gs_robotics.model.scene import Scene
 from part2gs_robotics.model.scene_frame import frame_of, internal
 from part2gs_robotics.model.twin import Part, Texture, Twin
-from part2gs_robotics.outputs import output_folder, twin_in_scene, twin_name, write_outputs
+from part2gs_robotics.outputs import (
+    output_folder,
+    twin_in_scene,
+    twin_name,
+    verdict,
+    write_outputs,
+)
 from part2gs_robotics.plan import make_plan, settle_plan
 from part2gs_robotics.readers.read_scene import read_scene
 from part2gs_robotics.render.pick_device import describe, pick_device
@@ -34,10 +38,13 @@ from part2gs_robotics.stages import (
     Fitted,
     load_built,
     load_fit,
+    load_left,
     load_motion,
     load_textures,
+    parts_of_key,
     save_built,
     save_fit,
+    save_left,
     save_motion,
     save_textures,
 )
@@ -46,7 +53,6 @@ from part2gs_robotics.view.training import Training, watched
 if TYPE_CHECKING:
     from part2gs_robotics.evidence.canonical import Canonical
     from part2gs_robotics.sim_checks.result import CheckReport
-    from part2gs_robotics.view.training import Training
 
 T = TypeVar("T")
 Written = tuple["CheckReport", str]  # and a summary for people
@@ -124,7 +130,8 @@ class _Corridor:
         name = twin_name(self.scene.path.resolve(), self.store.out.resolve())
         twin = Twin(name, parts, self.scene.meters_per_unit, self.scene.up,
                     (*self.scene.notes, *motion.notes))
-        told, bare = Told(plan, (fits[0], fits[1]), motion, key), self._separate(twin)
+        left = self._left_over(gaussians, motion, key)
+        told, bare = Told(plan, (fits[0], fits[1]), motion, left, key), self._separate(twin)
         report, summary = self._mended(bare, told, self._written(bare, told))
         if self.config.output.json:
             sys.stdout.write((self.store.out / "report.json").read_text("utf-8"))
@@ -141,12 +148,11 @@ class _Corridor:
         plan = settle_plan(told.plan, gaussians, told.motion, parts, paper)
         twin = twin_in_scene(replace(bare, parts=parts), self.frame, self.metres, self.config)
         began = time.monotonic()
-        result = BuildResult(self.scene, self.frame, told.fits, told.motion, twin, plan,
-                             self.config, self.seconds)
+        result = BuildResult(self.scene, self.frame, told.fits, told.motion, told.left,
+                             twin, plan, self.config, self.seconds)
         with self.store.new_files() as folder:
             report, summary = write_outputs(folder, self.store.out, result)
-        self._done("export and check", time.monotonic() - began,
-                   "checks pass" if report.ok else "checks FAIL")
+        self._done("export and check", time.monotonic() - began, verdict(report))
         return report, summary
 
     def _mended(self, bare: Twin, told: Told, written: Written) -> Written:
@@ -165,7 +171,7 @@ class _Corridor:
         # The device is part of the key: CPU builds repeat bit for bit, and a CPU build that went on
         # from Gaussians of a GPU would not.
         fit, stereo = self.config.fit, self.config.stereo
-        key = hash_of("fit", self.code, asdict(fit), asdict(stereo), *_state_parts(state))
+        key = hash_of("fit", self.code, asdict(fit), asdict(stereo), *parts_of_key(state))
 
         def compute() -> Fitted:
             from part2gs_robotics.fit.fit_state import fit_state
@@ -221,6 +227,17 @@ class _Corridor:
             "04_mesh", key, compute, save_built, load_built,
             lambda b: f"{sum(len(part.mesh.faces) for part in b[1])} triangles")
         return motion, parts, key
+
+    def _left_over(self, gaussians: tuple[Gaussians, Gaussians], motion: Motion,
+                   key: str) -> LeftOver:
+        """Return what the parts that were built do not explain."""
+        def compute() -> LeftOver:
+            from part2gs_robotics.joints.left_over import left_over
+
+            return left_over(self._canonical(gaussians), motion)
+
+        return self._stage("05_left_over", hash_of("left over", key), compute, save_left, load_left,
+                           lambda left: f"{left.share:.1%} of what moved is not explained")
 
     def _texture(self, gaussians: tuple[Gaussians, Gaussians], parts: tuple[Part, ...],
                  key: str) -> tuple[Part, ...]:
@@ -280,8 +297,3 @@ class _Corridor:
     def _done(self, name: str, seconds: float, number: str, resumed: bool = False) -> None:
         self.seconds[name] = seconds
         log_stage(name, seconds, number, resumed)
-
-
-def _state_parts(state: StateViews) -> tuple[object, ...]:
-    depths = state.depths if state.depths is not None else np.zeros(0)
-    return (state.images, state.alphas, state.Ks, state.viewmats, depths, state.held_out)

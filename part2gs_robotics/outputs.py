@@ -14,18 +14,20 @@ import numpy as np
 import yaml
 
 from part2gs_robotics import __version__
+from part2gs_robotics.agree.catalogue import CHECKS, EXPLAINED
 from part2gs_robotics.config import Config, to_dict
 from part2gs_robotics.errors import StoreError
 from part2gs_robotics.model.gaussians import Gaussians
-from part2gs_robotics.model.motion import Motion
+from part2gs_robotics.model.motion import LeftOver, Motion
 from part2gs_robotics.model.scale import ASSUMED, with_scale
 from part2gs_robotics.model.scene_frame import SceneFrame, gaussians_in_scene, parts_in_scene
 from part2gs_robotics.model.twin import Twin
 from part2gs_robotics.pictures import pictures_of
 from part2gs_robotics.report.report_json import ReportData, write_report
+from part2gs_robotics.report.verdict import incomplete
 from part2gs_robotics.result import BuildResult
 from part2gs_robotics.runtime.atomic import replace_files, write_text_atomic
-from part2gs_robotics.sim_checks.result import CheckReport, CheckResult
+from part2gs_robotics.sim_checks.result import CheckReport, CheckResult, Status
 
 logger = logging.getLogger(__name__)
 
@@ -48,6 +50,7 @@ def write_outputs(folder: Path, out: Path, result: BuildResult) -> tuple[CheckRe
     splats = _write_gaussians(folder, result)
     checked = check(folder, steps=result.config.check.sweep_values)
     report = with_failed(replace(checked, path=str(out)), result.motion)
+    report = with_left(report, result.left)
     write_report(folder, _told(result, report, splats))
     return report, _summary(out, twin, report)
 
@@ -112,6 +115,27 @@ def with_failed(report: CheckReport, motion: Motion) -> CheckReport:
     return replace(report, results=(*report.results, *rows))
 
 
+def with_left(report: CheckReport, left: LeftOver) -> CheckReport:
+    """Return the checks with the row about what no part explains: incomplete, or it passes."""
+    detail = (f"{left.share:.1%} of what moved between the states is explained by no part; noise "
+              f"of this scene makes up to {left.bound:.1%}")
+    status, cause = (("pass", "") if left.complete else
+                     ("incomplete", CHECKS[EXPLAINED].change))
+    row = CheckResult(EXPLAINED, "", cast("Status", status), 100 * left.share, 100 * left.bound,
+                      "%", detail, cause)
+    return replace(report, results=(*report.results, row))
+
+
+def verdict(report: CheckReport) -> str:
+    """Return the verdict of a build in a few words."""
+    bad = [row for row in report.results if row.status in ("fail", "incomplete")]
+    left = next((row for row in bad if row.name == EXPLAINED), None)
+    words = [incomplete((left.value or 0.0) / 100)] if left else []
+    if len(bad) > len(words):
+        words.append("checks FAIL")
+    return "; ".join(words) or "checks pass"
+
+
 def _told(result: BuildResult, report: CheckReport, splats: tuple[Gaussians, ...]) -> ReportData:
     """Return what the report says."""
     scene = result.scene
@@ -120,7 +144,7 @@ def _told(result: BuildResult, report: CheckReport, splats: tuple[Gaussians, ...
         twin=result.twin, counts=_counts(result), stage_seconds=result.seconds,
         plan=result.plan.rows(),
         curves=tuple((f"state {index}", fit[1]) for index, fit in enumerate(result.fits)),
-        pictures=pictures_of(result),
+        pictures=pictures_of(result), left=result.left,
         splats=splats, checks=report.to_dict(), notes=report.notes)
 
 
@@ -160,7 +184,7 @@ def _summary(out: Path, twin: Twin, report: CheckReport) -> str:
     for row in report.results:
         if row.status not in ("pass", "skipped"):
             lines.append(f"{row.status}: {row.name} {row.subject} {row.detail}".rstrip())
-    lines.append(f"checks {'pass' if report.ok else 'FAIL'}; {out}: scene.xml, twin.xml, "
+    lines.append(f"{verdict(report)}; {out}: scene.xml, twin.xml, "
                  "twin_actuated.xml, twin.urdf, twin.yaml, report.html")
     return "\n".join(lines) + "\n"
 

@@ -50,7 +50,13 @@ def pictures_of(result: BuildResult) -> tuple[Picture, ...]:
             plain = _photo(result, index, view, "held-out view")
             out.append(replace(plain, render=_drawn(result, index, view)[..., :3],
                                moved=_drawn(result, index, view, moved[index])))
-    return tuple(out)
+    return (*out, *_left(result))
+
+
+def _left(result: BuildResult) -> list[Picture]:
+    """Return the photos that show most of what no part explains."""
+    return [replace(_photo(result, index, view, "photo"), left=result.left.marks[index])
+            for index, view in enumerate(result.left.views) if view >= 0]
 
 
 def _photo(result: BuildResult, index: int, view: int, kind: str) -> Picture:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from part2gs_robotics.config import Config
-from part2gs_robotics.model.motion import Motion
+from part2gs_robotics.model.motion import LeftOver, Motion
 from part2gs_robotics.model.scene import Scene
 from part2gs_robotics.model.scene_frame import SceneFrame
 from part2gs_robotics.model.twin import Twin
@@ -22,6 +22,7 @@ class BuildResult:
         frame: scene_from_internal.
         fits: Gaussians and curve of both states.
         motion: part identities of these Gaussians.
+        left: what it does not explain.
         twin: what was built, in the scene's frame.
         plan: settled decisions.
         config: resolved settings.
@@ -32,6 +33,7 @@ class BuildResult:
     frame: SceneFrame
     fits: tuple[Fitted, Fitted]
     motion: Motion
+    left: LeftOver
     twin: Twin
     plan: Plan
     config: Config
@@ -40,9 +42,10 @@ class BuildResult:
 
 @dataclass(frozen=True)
 class Told:
-    """What is settled before the twin is written: plan, fits, motion, and the meshes' key."""
+    """What is settled before the twin is written; `left` by the motion, key = of the meshes."""
 
     plan: Plan
     fits: tuple[Fitted, Fitted]
     motion: Motion
+    left: LeftOver
     key: str

@@ -10,12 +10,19 @@ from numpy.typing import NDArray
 
 from part2gs_robotics.model.gaussians import Gaussians
 from part2gs_robotics.model.joint import Joint
-from part2gs_robotics.model.motion import Motion
+from part2gs_robotics.model.motion import LeftOver, Motion
+from part2gs_robotics.model.scene import StateViews
 from part2gs_robotics.model.twin import Part, PartMesh, Texture
 from part2gs_robotics.runtime.store import Arrays, Saved
 
 Curve = tuple[tuple[float, float], ...]
 Fitted = tuple[Gaussians, Curve]
+
+
+def parts_of_key(state: StateViews) -> tuple[object, ...]:
+    """Return what of a state's views its fit depends on."""
+    depths = state.depths if state.depths is not None else np.zeros(0)
+    return (state.images, state.alphas, state.Ks, state.viewmats, depths, state.held_out)
 
 
 def save_fit(result: Fitted) -> Saved:
@@ -91,6 +98,20 @@ def load_parts(saved: Saved) -> tuple[Part, ...]:
                           (low, high), data["limits_source"], data["num_gaussians"],
                           data["diagnostics"]))
     return tuple(parts)
+
+
+def save_left(left: LeftOver) -> Saved:
+    """Return the marks as arrays, the shares and which photos they are on as plain data."""
+    arrays: Arrays = {f"marks_{state}": marks for state, marks in enumerate(left.marks)}
+    return Saved(arrays, {"share": left.share, "bound": left.bound, "views": list(left.views)})
+
+
+def load_left(saved: Saved) -> LeftOver:
+    """Undo `save_left`."""
+    data = cast("dict[str, Any]", saved.data)
+    marks = cast("dict[str, NDArray[np.bool_]]", saved.arrays)
+    return LeftOver(float(data["share"]), float(data["bound"]), tuple(data["views"]),
+                    (marks["marks_0"], marks["marks_1"]))
 
 
 def save_textures(textures: tuple[Texture, ...]) -> Saved:

@@ -9,6 +9,7 @@ from part2gs_robotics.errors import CheckError
 
 MEASURED = "measured on finished twins"
 CONTRACT = "contract of the twin folder, docs/conventions.md"
+EXPLAINED = "explained"
 
 
 @dataclass(frozen=True)
@@ -69,6 +70,10 @@ CHECKS = {
                     "make the part's collision pieces again from its visual mesh"),
     "part built": _x("every part that was decided on was built", "all",
                      "give views that show the part, or raise --resolution"),
+    EXPLAINED: _x("what moved between the states is explained by the parts that were built",
+                  "2 % of the moved surface, and a quarter of what noise contradicts in the scene",
+                  "look at the marked photos in report.html: a part is missing there. Give more or "
+                  "sharper views of it, or --parts if fewer were found"),
     "time step": _x("a halved time step ends in the same place", "1 % of the range",
                     "lower the time step in scene.xml, or the servo's gain"),
     "gain x 100": _x("a hundred times stiffer servo ends in the same place", "1 % of the range",

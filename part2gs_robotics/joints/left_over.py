@@ -74,8 +74,13 @@ def left_over(both: Canonical, motion: Motion) -> LeftOver:
     bad, noise = sorted_out(surface)
     marked = [marks(both, state, own) for state, own in
               enumerate(np.split(bad, [len(both.surfaces.surfels[0])]))]
-    return LeftOver(surface.share(bad), LEAST + surface.share(noise),
+    return LeftOver(surface.share(bad), bound_of(surface, noise),
                     (marked[0][0], marked[1][0]), (marked[0][1], marked[1][1]))
+
+
+def bound_of(surface: Surface, noise: Mask) -> float:
+    """Return the most that noise makes of the share: by chance it looks worse than `USUAL` too."""
+    return LEAST + (1.0 - USUAL) * surface.share(noise)
 
 
 def sorted_out(surface: Surface) -> tuple[Mask, Mask]:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from part2gs_robotics.model.arrays import F64
 from part2gs_robotics.model.gaussians import Gaussians
+from part2gs_robotics.model.motion import LeftOver
 from part2gs_robotics.model.twin import Twin
 
 STATUSES = ("pass", "warn", "fail", "skipped", "incomplete")
@@ -29,6 +30,7 @@ class Picture:
         mask: [H, W] bool where the photo shows the object.
         world_from_camera: [4, 4] where it was taken, scene's frame, OpenCV axes; None = unknown.
         fov: vertical field of view, rad.
+        left: [H, W] bool where it shows what no part explains; None = it was not asked.
     """
 
     caption: str
@@ -39,6 +41,7 @@ class Picture:
     mask: NDArray[np.bool_] | None = None
     world_from_camera: F64 | None = None
     fov: float = 0.0
+    left: NDArray[np.bool_] | None = None
 
 
 @dataclass(frozen=True)
@@ -60,6 +63,7 @@ class ReportData:
         assumed: numbers that nobody measured, one sentence each, beside those marked `assumed`
             in the folder's twin.yaml.
         notes: fallbacks and what was left out, one sentence each.
+        left: what of the moved surface no part explains; None = nobody measured.
     """
 
     scene: str
@@ -75,6 +79,7 @@ class ReportData:
     checks: Mapping[str, object] = field(default_factory=dict)
     assumed: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
+    left: LeftOver | None = None
 
 
 @dataclass(frozen=True)

@@ -18,7 +18,8 @@ from part2gs_robotics.report.first import photo_button, verdict_html, viewer_htm
 from part2gs_robotics.report.scene_json import scene_json
 from part2gs_robotics.report.script import json_script, page_script, policy
 from part2gs_robotics.report.style import STYLE
-from part2gs_robotics.report.unexplained import unexplained
+from part2gs_robotics.report.unexplained import marked, unexplained
+from part2gs_robotics.report.verdict import incomplete
 
 _VERDICTS = {0: ("pass", "built, checks pass"), 1: ("fail", "built, checks fail")}  # by exit code
 _TALL = 14  # rows above which a list starts folded
@@ -55,10 +56,23 @@ def render_html(data: ReportData, assumed: Sequence[str], engines: Mapping[str, 
 
 def _header(data: ReportData, rows: Sequence[CheckRow]) -> str:
     status, verdict = _VERDICTS.get(data.exit_code, ("fail", f"exit code {data.exit_code}"))
+    if data.left is not None and not data.left.complete:
+        status, verdict = "fail", incomplete(data.left.share)
     return (
         f'<header><h1>{escape(data.scene)}</h1>{_pill(status, verdict)}'
-        f"{verdict_html(data, rows)}</header>"
+        f"{verdict_html(data, rows)}{_left(data)}</header>"
     )
+
+
+def _left(data: ReportData) -> str:
+    """Return the photos that show most of what no part explains, marked; "" where all is."""
+    body = "".join(
+        f'<figure><img class="marked" alt="not explained" src="{png_uri(marked(p.photo, p.left))}">'
+        f"<figcaption>{escape(p.caption)} {photo_button(i, p)}</figcaption></figure>"
+        for i, p in enumerate(data.pictures) if p.left is not None)
+    hint = ('<p class="muted">What moved and no part explains: <b class="differs">magenta</b>, in '
+            "the photo of each state that shows most of it.</p>")
+    return f'{hint}<div class="pictures">{body}</div>' if body else ""
 
 
 def _tiles(data: ReportData, rows: Sequence[CheckRow]) -> str:

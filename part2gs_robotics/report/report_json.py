@@ -40,6 +40,7 @@ def report_json(data: ReportData, assumed: tuple[str, ...]) -> dict[str, object]
         "version": __version__,
         "engines": engine_versions(),
         "verdict": sentences(data, check_rows(data.checks)),
+        "unexplained": _left(data),
         "scene": {"name": data.scene, "layout": data.layout, **_plain_mapping(data.counts)},
         "stage_seconds": _plain(data.stage_seconds),
         "plan": [{"item": n, "used": used, "reason": why} for n, used, why in data.plan],
@@ -54,6 +55,13 @@ def report_json(data: ReportData, assumed: tuple[str, ...]) -> dict[str, object]
         "notes": list(dict.fromkeys((*data.twin.notes, *data.notes))),
         "exit_code": data.exit_code,
     }
+
+
+def _left(data: ReportData) -> dict[str, object] | None:
+    if data.left is None:
+        return None
+    return {"share": _plain(data.left.share), "bound": _plain(data.left.bound),
+            "complete": data.left.complete}
 
 
 def _twin_yaml(folder: Path) -> object:

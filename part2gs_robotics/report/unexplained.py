@@ -24,6 +24,13 @@ class Unexplained:
     hidden: float
 
 
+def marked(photo: NDArray[np.uint8], mask: NDArray[np.bool_]) -> NDArray[np.uint8]:
+    """Return a photo [H, W, 3] faded but for what a mask [H, W] says, which is magenta."""
+    image = 1.0 - FADED + FADED * photo[..., :3] / 255.0
+    image[mask] = np.array(DIFFERS) / 255.0
+    return np.rint(image * 255).astype(np.uint8)
+
+
 def unexplained(picture: Picture) -> Unexplained | None:
     """Return what of a photo the other state's moved Gaussians do not show; None without them.
 

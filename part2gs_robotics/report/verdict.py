@@ -16,13 +16,19 @@ NOUNS = {"revolute": "hinge", "prismatic": "slide", "screw": "screw"}
 
 def sentences(data: ReportData, rows: Sequence[CheckRow]) -> dict[str, str]:
     """Return heading -> sentence, plain text, in the order to read them."""
-    return {"Found": found(data.twin), "How sure": sure(data), "What is wrong": wrong(data, rows),
-            "What to do": to_do(data, rows)}
+    left = "" if data.left is None or data.left.complete else f"{incomplete(data.left.share)}. "
+    return {"Found": left[:1].upper() + left[1:] + found(data.twin), "How sure": sure(data),
+            "What is wrong": wrong(data, rows), "What to do": to_do(data, rows)}
 
 
 def unit_of(twin: Twin) -> tuple[float, str]:
     """Return (factor, name) of the lengths people read: centimetres where the scale is known."""
     return (1.0, "units") if twin.meters_per_unit is None else (100.0 * twin.meters_per_unit, "cm")
+
+
+def incomplete(share: float) -> str:
+    """Return the verdict on a twin that does not explain a share of what moved."""
+    return f"incomplete: {100 * share:.0f} % of what moved is not explained"
 
 
 def found(twin: Twin) -> str:

@@ -32,7 +32,7 @@ class Short(_Corridor):
 def test_a_twin_is_written_again_only_where_its_parts_overlapped(
         tmp_path: Path, lump: float) -> None:
     twin = lumpy_cabinet(lump) if lump else toy_cabinet_twin(1)
-    corridor, told = Short(tmp_path), Told(None, None, None, "key")
+    corridor, told = Short(tmp_path), Told(None, None, None, None, "key")
     written = corridor._written(twin, told)
     assert mendable(written[0]) == bool(lump)
     report, summary = corridor._mended(twin, told, written)

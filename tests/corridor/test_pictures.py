@@ -11,7 +11,7 @@ from toys import Box, cameras, cast, gaussians_of, scene_of
 from part2gs_robotics.config import Config
 from part2gs_robotics.model import se3
 from part2gs_robotics.model.joint import Joint
-from part2gs_robotics.model.motion import Motion
+from part2gs_robotics.model.motion import LeftOver, Motion
 from part2gs_robotics.model.scene_frame import SceneFrame
 from part2gs_robotics.model.solids import to_mesh
 from part2gs_robotics.model.twin import Part, Twin
@@ -24,6 +24,7 @@ BASE, BLOCK = Box((0, 0, 0), (1, 1, 0.2), 1), Box((0.1, 0.1, 0.25), (0.4, 0.9, 0
 JOINT = Joint("prismatic", np.array([1.0, 0, 0]), np.zeros(3), 0.45)
 FRAME = SceneFrame(2.0, (1.0, -3.0, 0.5))
 SIDE = 96
+NOTHING = LeftOver(0.0, 0.02, (-1, -1), (np.zeros((SIDE, SIDE), bool),) * 2)
 
 
 def built(joint: Joint) -> BuildResult:
@@ -46,7 +47,7 @@ def built(joint: Joint) -> BuildResult:
     twin = Twin("slide", (Part("base", -1, meshes[0], (), None),
                           Part("part_1", 0, meshes[1], (), in_scene, (0.0, 0.9))))
     return BuildResult(scene_of(states), FRAME, tuple(fits),
-                       Motion(tuple(probs), (joint,), (0,)), twin, Plan(()), Config(), {})
+                       Motion(tuple(probs), (joint,), (0,)), NOTHING, twin, Plan(()), Config(), {})
 
 
 # Blurred outlines are up to 7 % of a block of 20 pixels; half the way, half the block is astray.
