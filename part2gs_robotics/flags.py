@@ -144,8 +144,9 @@ FIRST_EXAMPLES = (
     "build scene/ -o out/          the same from photos with cameras and masks",
     "build --help                  all flags of a command",
     "doctor                        what this machine lacks, and what to do")
-EXIT_CODES = """exit codes: 0 built and all checks pass; 1 built or checked, but physics fails;
-2 bad usage or input; 3 internal error; 130 interrupted (the same command continues)"""
+EXIT_CODES = """exit codes: 0 built and all checks pass; 1 built or checked, but physics fails
+or what moved is not all explained; 2 bad usage or input; 3 internal error;
+130 interrupted (the same command continues)"""
 
 
 @dataclass(frozen=True)

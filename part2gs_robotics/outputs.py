@@ -20,7 +20,12 @@ from part2gs_robotics.errors import StoreError
 from part2gs_robotics.model.gaussians import Gaussians
 from part2gs_robotics.model.motion import LeftOver, Motion
 from part2gs_robotics.model.scale import ASSUMED, with_scale
-from part2gs_robotics.model.scene_frame import SceneFrame, gaussians_in_scene, parts_in_scene
+from part2gs_robotics.model.scene_frame import (
+    SceneFrame,
+    gaussians_in_scene,
+    joint_in_scene,
+    parts_in_scene,
+)
 from part2gs_robotics.model.twin import Twin
 from part2gs_robotics.pictures import pictures_of
 from part2gs_robotics.report.report_json import ReportData, write_report
@@ -145,6 +150,7 @@ def _told(result: BuildResult, report: CheckReport, splats: tuple[Gaussians, ...
         plan=result.plan.rows(),
         curves=tuple((f"state {index}", fit[1]) for index, fit in enumerate(result.fits)),
         pictures=pictures_of(result), left=result.left,
+        unbuilt=tuple(joint_in_scene(j, result.frame) for j in result.motion.unbuilt),
         splats=splats, checks=report.to_dict(), notes=report.notes)
 
 

@@ -45,7 +45,8 @@ def save_motion(motion: Motion) -> Saved:
     return Saved(arrays, {
         "joints": [_joint_data(joint) for joint in motion.joints], "parents": list(motion.parents),
         "diagnostics": [_numbers(one) for one in motion.diagnostics], "notes": list(motion.notes),
-        "seconds": _numbers(motion.seconds)})
+        "seconds": _numbers(motion.seconds),
+        "unbuilt": [_joint_data(joint) for joint in motion.unbuilt]})
 
 
 def load_motion(saved: Saved) -> Motion:
@@ -54,7 +55,8 @@ def load_motion(saved: Saved) -> Motion:
     arrays = cast("dict[str, NDArray[np.float32]]", saved.arrays)
     return Motion((arrays["probs_0"], arrays["probs_1"]),
                   tuple(_joint(joint) for joint in data["joints"]), tuple(data["parents"]),
-                  tuple(data["diagnostics"]), tuple(data["notes"]), data["seconds"])
+                  tuple(data["diagnostics"]), tuple(data["notes"]), data["seconds"],
+                  tuple(_joint(joint) for joint in data.get("unbuilt", ())))
 
 
 def save_built(built: tuple[Motion, tuple[Part, ...]]) -> Saved:

@@ -23,13 +23,14 @@ def build_existing(scene: Scene, gaussians: tuple[Gaussians, Gaussians], motion:
                    config: MeshConfig) -> tuple[Motion, tuple[Part, ...]]:
     """Build the parts that have a solid; see `build_parts`.
 
-    A part without one fails: its joint is told in a note, and the build ends with exit code 1.
+    A part without one fails, and with it what it carries: a note says so, its joint is kept in
+    `Motion.unbuilt`, and the build ends with exit code 1.
 
     Returns:
         The motion without parts that failed, and its parts.
 
     Raises:
-        MeshError: the base, the last moving part, or a part that carries another has no solid.
+        MeshError: the base has no solid.
     """
     while True:
         try:
@@ -37,12 +38,21 @@ def build_existing(scene: Scene, gaussians: tuple[Gaussians, Gaussians], motion:
             require_bodies(parts, gaussians, motion)
             return motion, parts
         except EmptyPartError as err:
-            alone = len(motion.joints) == 1 or err.part == 0 or err.part in motion.parents
-            if alone:
+            if err.part == 0:
                 raise
-            note = f"{FAILED} {err} {_told(motion, err.part)}"
-            logger.warning("%s", note)
-            motion = without_part(motion, err.part, note)
+            motion = _without(motion, err.part, str(err))
+
+
+def _without(motion: Motion, part: int, why: str) -> Motion:
+    """Return the motion without a part, and first without what it carries."""
+    joint = motion.joints[part - 1]
+    while part in motion.parents:
+        k = motion.parents.index(part) + 1
+        motion = _without(motion, k, f"part_{k}: part_{part}, which carries it, is not built.")
+        part = next(n for n, other in enumerate(motion.joints, 1) if other is joint)
+    note = f"{FAILED} {why} {_told(motion, part)}"
+    logger.warning("%s", note)
+    return without_part(motion, part, note)
 
 
 def _told(motion: Motion, part: int) -> str:
@@ -50,7 +60,7 @@ def _told(motion: Motion, part: int) -> str:
     joint = motion.joints[part - 1]
     axis, origin = (", ".join(f"{x:.6g}" for x in v) for v in (joint.axis, joint.origin))
     return (f"Its joint, in internal units: {joint.kind}, axis [{axis}], origin [{origin}], "
-            f"{joint.value:.6g} between the states.")
+            f"{joint.value:.6g} between the states; in the scene's: report.json, unbuilt.")
 
 
 def require_bodies(parts: tuple[Part, ...], gaussians: tuple[Gaussians, Gaussians],

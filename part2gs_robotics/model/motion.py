@@ -23,6 +23,8 @@ class Motion:
         parents: K parent part indices (0 = base).
         diagnostics: per moving part, losses and residuals by name.
         notes: decisions worth reporting.
+        unbuilt: joints of parts that were decided on, but of which nothing could be built; `failed`
+            says why, in the same order.
     """
 
     part_probs: tuple[NDArray[np.float32], NDArray[np.float32]]
@@ -31,6 +33,7 @@ class Motion:
     diagnostics: tuple[dict[str, float], ...] = ()
     notes: tuple[str, ...] = ()
     seconds: dict[str, float] = field(default_factory=dict)
+    unbuilt: tuple[Joint, ...] = ()
 
     @property
     def failed(self) -> tuple[str, ...]:
@@ -83,4 +86,4 @@ def without_part(motion: Motion, part: int, note: str) -> Motion:
         motion, part_probs=(probs[0], probs[1]), joints=tuple(motion.joints[k] for k in keep),
         parents=tuple(p - (p > part) for p in (motion.parents[k] for k in keep)),
         diagnostics=tuple(d for k, d in enumerate(motion.diagnostics) if k != part - 1),
-        notes=(*motion.notes, note))
+        notes=(*motion.notes, note), unbuilt=(*motion.unbuilt, motion.joints[part - 1]))

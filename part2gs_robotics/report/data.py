@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from part2gs_robotics.model.arrays import F64
 from part2gs_robotics.model.gaussians import Gaussians
+from part2gs_robotics.model.joint import Joint
 from part2gs_robotics.model.motion import LeftOver
 from part2gs_robotics.model.twin import Twin
 
@@ -64,6 +65,7 @@ class ReportData:
             in the folder's twin.yaml.
         notes: fallbacks and what was left out, one sentence each.
         left: what of the moved surface no part explains; None = nobody measured.
+        unbuilt: joints of parts that were decided on but not built, scene's frame.
     """
 
     scene: str
@@ -80,6 +82,7 @@ class ReportData:
     assumed: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
     left: LeftOver | None = None
+    unbuilt: tuple[Joint, ...] = ()
 
 
 @dataclass(frozen=True)

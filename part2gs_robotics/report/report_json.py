@@ -11,6 +11,7 @@ import numpy as np
 import yaml
 
 from part2gs_robotics import __version__
+from part2gs_robotics.model.joint import Joint
 from part2gs_robotics.model.twin import Part
 from part2gs_robotics.report.data import ReportData, assumed_numbers, check_rows
 from part2gs_robotics.report.html import render_html
@@ -46,6 +47,7 @@ def report_json(data: ReportData, assumed: tuple[str, ...]) -> dict[str, object]
         "plan": [{"item": n, "used": used, "reason": why} for n, used, why in data.plan],
         "parts": [_part_entry(p) for p in data.twin.parts],
         "joints": [_joint_entry(p) for p in movers],
+        "unbuilt": [_numbers(joint) for joint in data.unbuilt],
         "curves": [
             {"label": label, "seconds": [s for s, _ in points], "psnr_db": [d for _, d in points]}
             for label, points in _plain_curves(data)
@@ -84,22 +86,16 @@ def _part_entry(part: Part) -> dict[str, object]:
 def _joint_entry(part: Part) -> dict[str, object]:
     joint = part.joint
     assert joint is not None  # callers pass moving parts only
-    return {
-        "part": part.name,
-        "type": joint.kind,
-        "axis": _plain(joint.axis),
-        "origin": _plain(joint.origin),
-        "pitch": _plain(joint.pitch),
-        "value_state_1": _plain(joint.value),
-        "range": _plain(part.limits),
-        "range_source": part.limits_source,
-        "sigma_axis_rad": _plain(joint.sigma_axis),
-        "sigma_origin": _plain(joint.sigma_origin),
-        "sigma_value": _plain(joint.sigma_value),
-        "sigma_rise": _plain(joint.sigma_rise),
-        "confidence": _plain(joint.confidence),
-        "bic": _plain(joint.bic),
-    }
+    return {"part": part.name, **_numbers(joint), "range": _plain(part.limits),
+            "range_source": part.limits_source}
+
+
+def _numbers(joint: Joint) -> dict[str, object]:
+    names = {"type": "kind", "axis": "axis", "origin": "origin", "pitch": "pitch",
+             "value_state_1": "value", "sigma_axis_rad": "sigma_axis",
+             "sigma_origin": "sigma_origin", "sigma_value": "sigma_value",
+             "sigma_rise": "sigma_rise", "confidence": "confidence", "bic": "bic"}
+    return {key: _plain(getattr(joint, name)) for key, name in names.items()}
 
 
 def _plain(value: object) -> object:

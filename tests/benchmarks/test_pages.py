@@ -22,6 +22,7 @@ TABLES = {
     ("docs/geometry.md", "geometry"): ("geometry", "geometry_tables", "markdown"),
     ("docs/geometry.md", "pieces"): ("pieces", "pieces", "markdown"),
     ("docs/ladder.md", "ladder"): ("ladder", "ladder", "markdown"),
+    ("docs/ladder.md", "incomplete"): ("incomplete", "incomplete", "markdown"),
     ("docs/losses.md", "losses"): ("losses", "losses_ranks", "markdown"),
     ("docs/masks.md", "masks"): ("masks", "masks", "table"),
     ("docs/sabotage.md", "sabotage"): ("sabotage", "sabotage", "markdown"),

@@ -18,10 +18,10 @@ from part2gs_robotics.model.se3 import apply, inverse, screw_motion
 from part2gs_robotics.model.solids import defect, to_manifold
 from part2gs_robotics.outputs import with_failed
 from part2gs_robotics.sim_checks.result import CheckReport, CheckResult
+from part2gs_robotics.stages import load_motion, save_motion
 from part2gs_robotics.volume.carve import Solid
 from part2gs_robotics.volume.fuse import TRUNCATION, Fused
 from part2gs_robotics.volume.grid_solids import _out_of_the_way
-from part2gs_robotics.volume.part_solids import keep_large, without_blobs
 from part2gs_robotics.volume.place import Place
 
 SIZE, FOCAL, DISTANCE, VIEWS = 128, 210.0, 2.0, 26
@@ -172,9 +172,25 @@ def test_a_part_without_volume_fails_with_a_note_that_tells_its_joint():
     assert "prismatic" in left.notes[1]
     assert "0.05 between the states" in left.notes[1]
     assert left.failed == left.notes[1:]
+    assert left.unbuilt == (slide,)
+    assert load_motion(save_motion(left)).unbuilt[0].value == slide.value
     assert motion.failed == ()
     assert left.part_probs[0].shape == (len(gaussians[0]), 2)
     np.testing.assert_array_equal(left.part_probs[0][:2], [[1, 0], [1, 0]])
+
+
+def test_what_a_failed_part_carries_fails_with_it_and_the_last_part_may_fail_too():
+    scene, gaussians, motion = two_states([CHEST, LID], [HINGE])
+    nobody = tuple(np.pad(np.ones((len(g), 1), np.float32), ((0, 0), (0, 2))) for g in gaussians)
+    slide = Joint("prismatic", HINGE.axis, HINGE.origin, 0.05)
+    carried = Motion((nobody[0], nobody[1]), (slide, *motion.joints), (2, 0))
+    left, parts = build_existing(scene, gaussians, carried, MeshConfig(resolution=32))
+    assert [p.name for p in parts] == ["base"]
+    assert (left.joints, left.parents) == ((), ())
+    assert {j.kind for j in left.unbuilt} == {"prismatic", "revolute"}
+    assert len(left.failed) == 2
+    assert "part_1" in left.failed[0]
+    np.testing.assert_array_equal(left.part_probs[1], np.ones((len(gaussians[1]), 1)))
 
 
 def test_a_part_that_was_not_built_fails_the_build():
@@ -255,33 +271,6 @@ def box_solid(grid, lo, hi) -> Solid:
     points = grid.centers(np.stack(np.indices(grid.shape), -1))
     inside = np.minimum(points - lo, hi - points).min(-1) / grid.voxel
     return Solid(grid, np.clip(inside, -TRUNCATION, TRUNCATION).astype(np.float32))
-
-
-def test_a_small_piece_that_was_seen_stays():
-    grid = Grid.around(np.zeros(3), np.full(3, 0.6), 0.01)
-    body = box_solid(grid, np.full(3, 0.05), np.full(3, 0.4))
-    rail = box_solid(grid, np.array([0.05, 0.5, 0.5]), np.array([0.4, 0.53, 0.53]))
-    both = Solid(grid, np.maximum(body.values, rail.values))
-    zero = np.zeros(grid.shape, np.float32)
-    seen = Fused(grid, zero, zero, 2.0 * (np.abs(rail.values) < 3), *[zero] * 7)
-    assert (keep_large(both).values > 0).sum() == (body.values > 0).sum()
-    np.testing.assert_array_equal(keep_large(both, seen).values, both.values)
-
-
-def test_a_separate_piece_of_a_moving_part_that_views_hardly_saw_is_left_out():
-    grid = Grid.around(np.zeros(3), np.full(3, 0.8), 0.01)
-    body = box_solid(grid, np.full(3, 0.05), np.array([0.4, 0.4, 0.2]))
-    knob = box_solid(grid, np.array([0.1, 0.1, 0.25]), np.array([0.2, 0.2, 0.35]))
-    blob = box_solid(grid, np.full(3, 0.5), np.full(3, 0.75))
-    air = Solid(grid, np.maximum.reduce([body.values, knob.values, blob.values]))
-    votes = 2.0 * ((np.abs(body.values) < 3) | (np.abs(knob.values) < 3))
-    votes += 2.0 * (np.abs(blob.values) < 0.3)  # a few stray votes at its rim
-    zero = np.zeros(grid.shape, np.float32)
-    seen = Fused(grid, zero, zero, votes, *[zero] * 7)
-    left = without_blobs(air, seen).values > 0
-    np.testing.assert_array_equal(left, (body.values > 0) | (knob.values > 0))
-    unseen = Fused(grid, *[zero] * 10)  # the largest stays whatever was seen
-    np.testing.assert_array_equal(without_blobs(air, unseen).values > 0, body.values > 0)
 
 
 def test_two_parts_that_touch_are_parted():
