@@ -7,6 +7,7 @@ decide how many parts there are, and at last every joint is aligned to the image
 from __future__ import annotations
 
 import logging
+import math
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -18,7 +19,7 @@ from part2gs_robotics.decide.candidate import Candidate, on_base
 from part2gs_robotics.decide.grow import decide, lowered
 from part2gs_robotics.decide.hang import hang
 from part2gs_robotics.decide.judge import Judge
-from part2gs_robotics.decide.leave_out import joint_of, kinds_chosen, least, thinned, unpaid
+from part2gs_robotics.decide.leave_out import joint_of, kinds_chosen, least, saved, thinned
 from part2gs_robotics.errors import FitError
 from part2gs_robotics.evidence.canonical import Canonical
 from part2gs_robotics.evidence.study import Study, gather
@@ -144,17 +145,17 @@ def settled_motion(scene: Scene, found: Found, config: ArticulateConfig,
     if config.alignment and not config.paper_mode:
         sharp = both_small(scene.states, search.align_views, search.sharp_side)
         end = _settled(judge, pulled, Photos(small, sharp), config, found.pool)
-    idle = unpaid(judge, end) if config.parts and not config.paper_mode else []
+    saves = (math.nan,) * len(end) if config.paper_mode else saved(judge, end)
     clock.tick("alignment", 4, len(end))
     hard, costs = final_labels(judge, end, config)
     end = replace(end, labels=hard)
     probs = part_probs(study, end, costs, config)
     diagnostics, notes = part_diagnostics(study, end.motions, hard, config.paper_mode)
-    diagnostics = tuple({**row, **(kept[n - 1] if n else {})}
-                        for row, n in zip(diagnostics, end.known, strict=True))
+    diagnostics = tuple({**row, **(kept[n - 1] if n else {}), "prices_saved": gap}
+                        for row, n, gap in zip(diagnostics, end.known, saves, strict=True))
     clock.tick("identity", 5, len(end))
     alone = tuple(replace(j, carrier=None) for j in end.motions)  # the parents say it from here on
-    notes = (*notes, *_about_number(config.parts, len(end), found.short, idle))
+    notes = (*notes, *_about_number(config.parts, len(end), found.short, saves))
     return Motion(probs, alone, end.parents, diagnostics, notes, clock.seconds)
 
 
@@ -199,13 +200,14 @@ def _settled(judge: Judge, found: Candidate, photos: Photos, config: ArticulateC
     return aligned(judge, left, photos.sharp) if len(left) < len(found) else left
 
 
-def _about_number(asked: int | None, found: int, short: bool, idle: list[int]) -> list[str]:
+def _about_number(asked: int | None, found: int, short: bool, saves: Sequence[float],
+                  ) -> list[str]:
     """Return what to say where the number of parts asked for is wrong."""
-    notes = []
+    notes, idle = [], [k for k, gap in enumerate(saves, 1) if gap <= 0.0]
     if asked and asked != found:
         notes.append(f"--parts asks for {asked} moving parts; only {found} are "
                      "rigid bodies of their own, the others were left out.")
-    if idle:
+    if asked and found > 1 and idle:
         names = ", ".join(f"part_{k}" for k in idle)
         notes.append(f"--parts asks for {asked} moving parts; {names} would not be found without "
                      "it: the photos gain too little. Leave --parts out to have the number found.")

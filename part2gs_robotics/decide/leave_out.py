@@ -56,13 +56,17 @@ def least(judge: Judge, found: Candidate) -> Candidate:
     return least(judge, best)
 
 
-def unpaid(judge: Judge, found: Candidate) -> list[int]:
-    """Return the numbers of parts without any of which the cost is lower."""
-    if len(found) < 2:
-        return []
+def saved(judge: Judge, found: Candidate) -> tuple[float, ...]:
+    """Return how much dearer the set is without each part, in prices of a part; NaN = it carries.
+
+    How sure the number of parts is: below zero the set would have been found without that part.
+    """
     now = judge.judge(found)
-    return [k + 1 for k in range(len(found)) if k + 1 not in found.parents
-            and judge.judge(now.without(k)).cost <= now.cost]
+    fewer = side_by_side([partial(judge.judge, now.without(k)) for k in range(len(found))
+                          if k + 1 not in found.parents])
+    gaps = iter([(less.cost - now.cost) / PART for less in fewer])
+    return tuple(float("nan") if k + 1 in found.parents else next(gaps)
+                 for k in range(len(found)))
 
 
 def kinds_chosen(judge: Judge, new: Candidate, old: Candidate) -> Candidate:

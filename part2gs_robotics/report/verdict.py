@@ -11,6 +11,7 @@ from part2gs_robotics.model.twin import Part, Twin
 from part2gs_robotics.report.data import CheckRow, ReportData
 
 NAMED = 4  # moving parts told one by one: a sentence a reader takes in at one look
+MOST = 50.0  # prices: odds beyond e to this power say no more to anybody
 NOUNS = {"revolute": "hinge", "prismatic": "slide", "screw": "screw"}
 
 
@@ -59,10 +60,23 @@ def sure(data: ReportData) -> str:
     out = f"One standard deviation, of the least sure joint: {known}. " if known else ""
     if lost:
         out += f"The photos do not say how sure {', '.join(lost)} {'are' if lost[1:] else 'is'}. "
+    out += _number(twin)
     worst = [points[-1][1] for _, points in data.curves if points]
     if worst and math.isfinite(min(worst)):
         out += f"Photos that no fit saw are drawn to {min(worst):.1f} dB or better."
     return out.strip() or "Nothing was measured."
+
+
+def _number(twin: Twin) -> str:
+    """Return how sure the number of parts is: the odds of the set against that without one."""
+    gaps = {part.name: gap for i in moving_parts(twin) if math.isfinite(
+        gap := (part := twin.parts[i]).diagnostics.get("prices_saved", math.nan))}
+    if not gaps:
+        return ""
+    name = min(gaps, key=lambda key: gaps[key])
+    odds = math.exp(min(gaps[name], MOST))
+    return (f"Without {name}, the least sure part, photos and surfaces would cost {gaps[name]:.1f} "
+            f"prices of a part more: odds of {odds:.2g} to 1, if a price is a factor e. ")
 
 
 def wrong(data: ReportData, rows: Sequence[CheckRow]) -> str:

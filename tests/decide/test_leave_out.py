@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from part2gs_robotics.decide.candidate import on_base
-from part2gs_robotics.decide.leave_out import kinds_chosen, least, thinned, unpaid
+from part2gs_robotics.decide.candidate import PART, on_base
+from part2gs_robotics.decide.leave_out import kinds_chosen, least, saved, thinned
 from part2gs_robotics.model.joint import Joint
 
 pytestmark = pytest.mark.usefixtures("one_numba_thread")
@@ -72,13 +72,18 @@ def test_what_carries_a_part_stays(judge, parts):
     assert any(h is second for h in thinned(judge, found).motions)
 
 
-def test_parts_that_save_too_little_are_told_by_number(judge, parts):
+def test_what_a_part_saves_is_the_gap_to_the_set_without_it(judge, parts):
     first, second, copy = parts
-    assert unpaid(judge, on_base([first, second])) == []
-    assert unpaid(judge, on_base([first, second, copy])) in ([1, 3], [3], [1])
-    assert unpaid(judge, on_base([copy])) == [], "the last one moves"
-    carrier = replace(on_base([second, first, copy]), parents=(0, 0, 2))
-    assert 2 not in unpaid(judge, carrier)
+    both = judged(judge, first, second)
+    gaps = saved(judge, both)
+    assert gaps[0] == pytest.approx((judged(judge, second).cost - both.cost) / PART)
+    assert min(gaps) > 1.0, "true parts pay their price"
+    assert min(saved(judge, on_base([first, second, copy]))) <= 0.0
+    assert saved(judge, on_base([first]))[0] == pytest.approx(
+        (judge.judge(on_base([])).cost - judged(judge, first).cost) / PART)
+    carrier = saved(judge, replace(on_base([second, first, copy]), parents=(0, 0, 2)))
+    assert np.isnan(carrier[1])
+    assert np.isfinite([carrier[0], carrier[2]]).all()
 
 
 def test_only_what_came_anew_has_its_kind_chosen(judge, right, look_alikes):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import json
+import math
 import re
 from dataclasses import replace
 from pathlib import Path
@@ -150,6 +151,11 @@ def test_the_verdict_says_what_is_unknown_wrong_and_next() -> None:
                                  replace(twin.parts[2], joint=joint)))
     assert "axes ± 0.57°, turns ± 1.1°" in sure(told(known))
     assert "do not say how sure part_1 is" in sure(told(known))
+    paid = [replace(p, diagnostics={"prices_saved": gap}) for p, gap in
+            zip(twin.parts, (math.nan, 9.0, math.log(20)), strict=True)]
+    assert "Without part_2, the least sure part" in sure(told(replace(twin, parts=tuple(paid))))
+    assert "cost 3.0 prices" in sure(told(replace(twin, parts=tuple(paid))))
+    assert "odds of 20 to 1" in sure(told(replace(twin, parts=tuple(paid))))
     bad = CheckRow("overlap: part_1", "fail", cause="part the pieces.")
     rows = (CheckRow("compile", "pass"), bad)
     assert wrong(told(twin), rows).startswith("1 of 2 checks do not pass: overlap: part_1.")
