@@ -140,7 +140,7 @@ def _found(out: Path) -> tuple[int, tuple[str, ...]]:
     try:
         report = json.loads((out / "report.json").read_text("utf-8"))
         failing = {str(row["name"]) for row in report["checks"]["checks"]
-                   if row["status"] == "fail"}
+                   if row["status"] in ("fail", "incomplete")}
         return len(report["joints"]), tuple(sorted(failing))
     except (OSError, ValueError, KeyError, TypeError):
         return 0, ()
