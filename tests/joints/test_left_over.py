@@ -18,7 +18,7 @@ BASE = Box((0, 0, 0), (1.6, 1, 0.2), 1)
 BLOCKS = Box((0.1, 0.1, 0.2), (0.4, 0.4, 0.5), 2), Box((0.1, 0.6, 0.2), (0.4, 0.9, 0.5), 3)
 SLIDES = (Joint("prismatic", np.array([1.0, 0, 0]), np.zeros(3), 0.4),
           Joint("prismatic", np.array([1.0, 0, 0]), np.zeros(3), 0.8))
-SIDE = 128
+SIDE = 96
 
 
 def seen(boxes: tuple[Box, ...], joints: tuple[Joint, ...], unit: float = 1.0, noise: float = 0.0,
@@ -32,12 +32,12 @@ def seen(boxes: tuple[Box, ...], joints: tuple[Joint, ...], unit: float = 1.0, n
         noise: of places and colours of the Gaussians, one standard deviation.
     """
     rng = np.random.default_rng(0)
-    Ks, views = cameras(24, SIDE, np.array([0.8, 0.5, 0.25]), 1.95)
+    Ks, views = cameras(20, SIDE, np.array([0.8, 0.5, 0.25]), 1.95)
     fits, probs, states = [], [], []
     for moved in (False, True):
         there = [b if k == 0 or not moved else replace(b, move=joints[k - 1].state1_from_0)
                  for k, b in enumerate(boxes)]
-        gaussians, owner = gaussians_of(there, 0.03)
+        gaussians, owner = gaussians_of(there, 0.04)
         states.append(drawn(gaussians, Ks, views, SIDE))
         fits.append(shaken(gaussians, rng, noise))
         probs.append(np.eye(len(boxes), dtype=np.float32)[owner])
