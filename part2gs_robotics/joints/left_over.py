@@ -32,11 +32,9 @@ from part2gs_robotics.runtime.side_by_side import side_by_side
 
 VIEWS, SIDE = 24, 200  # photos of each state, and their longest side: of `canonical`, as many tell
 BODY = 0.5  # of a surfel's neighbours: a body has area, noise comes in specks and along edges
-# Quantile of the errors of what both states show: of bodies made by noise, 0 to 0.2 % of the moved
-# surface look worse than that, of true parts taken for the base 13 % and more (incomplete.py).
+# Quantile of errors that both states show: of whole builds 0 to 0.2 % of what moved is worse.
 USUAL = 0.9
-# Of the diagonal: what lies nearer to its own part is that part's poor shape. Glass comes to lie
-# 0.015 to 0.05 off, parts taken for another moving one mostly further.
+# Of the diagonal: panes of glass come to lie 0.015 to 0.05 from where the other state has them.
 SHAPE = 0.04
 LEAST = 0.01  # of the moved surface: five times what noise made of ten builds that had all parts
 
