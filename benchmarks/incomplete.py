@@ -13,6 +13,7 @@ from __future__ import annotations
 import argparse
 import json
 import sys
+import textwrap
 import time
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
@@ -163,15 +164,16 @@ def shares(cases: list[list[float]]) -> str:
 
 
 def counted(name: str, rows: list[dict[str, Any]]) -> list[str]:
-    """Return how often the verdict is right on some rows, as a line of a list."""
+    """Return how often the verdict is right on some rows, as an item of a list."""
     said = [(r["found"] == r["true"], r["share"] <= r["bound"]) for r in rows]
     whole, part = [s for t, s in said if t], [s for t, s in said if not t]
     less, anew = ([share > bound for r in rows for share, bound in r[key]]
                   for key in ("less", "anew"))
-    return [f"- {len(rows)} objects {name}: {sum(whole)} of {len(whole)} builds that have all "
+    told = (f"- {len(rows)} objects {name}: {sum(whole)} of {len(whole)} builds that have all "
             f"parts are called complete, {len(part) - sum(part)} of {len(part)} that lack one "
             f"incomplete; with one part less {sum(less)} of {len(less)}, labelled anew without it "
-            f"{sum(anew)} of {len(anew)} incomplete."]
+            f"{sum(anew)} of {len(anew)} incomplete.")
+    return textwrap.wrap(told, 120, subsequent_indent="  ")
 
 
 if __name__ == "__main__":
