@@ -11,7 +11,7 @@ from part2gs_robotics.model.twin import Part, Twin
 from part2gs_robotics.report.data import CheckRow, ReportData
 
 NAMED = 4  # moving parts told one by one: a sentence a reader takes in at one look
-MOST = 50.0  # prices: odds beyond e to this power say no more to anybody
+MOST = 14.0  # prices: beyond, odds are a million to one and say no more to anybody
 NOUNS = {"revolute": "hinge", "prismatic": "slide", "screw": "screw"}
 
 
