@@ -5,11 +5,12 @@
 Mutant k is made by seed k alone: one of four small models (MJCF with meshes and an include, URDF of
 a ROS package, a twin folder, OpenUSD) with one to three changes of numbers, attributes, elements,
 names, bytes, encodings, meshes; or a bomb of entities, copies, sizes or nesting; or a name that
-leaves the folder, which must be refused. Each is checked in a process of its own, every fifth by
-all checks, the others by those that need no simulation. Verdicts are those of the command line:
-0 passes, 1 fails, 2 refused; `crashed` is exit code 3, `killed` a signal, `hung` more than 60 s,
-`escaped` a name outside that was not refused. Numbers go to benchmarks/results/fuzz_models.json,
-the table to docs/checks.md; --look writes neither.
+leaves the folder, which must be refused. Each is checked in a process of its own with the memory
+that `check` gives one, forked from one that has checked the models unbroken: no mutant waits for
+imports. Every fifth is checked by all checks, the others by those that need no simulation. Verdicts
+are those of the command line: 0 passes, 1 fails, 2 refused; `crashed` is exit code 3, `killed` a
+signal, `hung` more than 60 s, `escaped` a name outside that was not refused. Numbers go to
+benchmarks/results/fuzz_models.json, the table to docs/checks.md; --look writes neither.
 """
 
 from __future__ import annotations
@@ -31,6 +32,8 @@ from typing import Any
 
 from reconstruction_suite import git, insert
 from toy_scenes import toy_cabinet_twin
+
+from part2gs_robotics.ci.alone import limit_memory
 
 ROOT = Path(__file__).resolve().parents[1]
 RESULTS, PAGE = ROOT / "benchmarks/results/fuzz_models.json", ROOT / "docs/checks.md"
@@ -89,9 +92,9 @@ def main() -> int:
 
 def fuzz(place: Path, seeds: range, seconds: float) -> dict[str, Any]:
     """Return counts of verdicts by model and of all, and what went wrong, by seed."""
-    from part2gs_robotics.sim_checks import check  # noqa: F401  # once, for all children
-
     bases = make_bases(place / "bases")
+    for folder, main_file in bases.values():  # here, so that children find everything imported
+        code_of(folder / main_file, None)
     began, slowest, done = time.perf_counter(), 0.0, 0
     by_model, wrong = dict[str, Counter[str]](), []
     for seed in seeds:
@@ -174,6 +177,7 @@ def checked(path: Path, groups: tuple[str, ...] | None) -> str:
         os.dup2(quiet, 1)
         os.dup2(quiet, 2)
         signal.alarm(HUNG)
+        limit_memory()
         os._exit(code_of(path, groups))
     _, status = os.waitpid(child, 0)
     if os.WIFSIGNALED(status):

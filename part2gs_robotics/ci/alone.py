@@ -127,11 +127,16 @@ def _unusable(path: str, said: str) -> CheckReport:
 
 def main() -> None:
     """Answer the request on the command line, in the file named after it."""
+    limit_memory()
+    report = check_here(Request(**json.loads(sys.argv[1])))
+    Path(sys.argv[2]).write_text(json.dumps(report.to_dict()), "utf-8")
+
+
+def limit_memory() -> None:
+    """Let this process have MEMORY and no more."""
     try:
         import resource  # POSIX alone; elsewhere the memory is the machine's
 
         resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
     except (ImportError, ValueError, OSError) as error:
         logging.getLogger(__name__).warning("memory of the check is not limited: %s", error)
-    report = check_here(Request(**json.loads(sys.argv[1])))
-    Path(sys.argv[2]).write_text(json.dumps(report.to_dict()), "utf-8")
