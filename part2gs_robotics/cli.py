@@ -140,6 +140,12 @@ def _check(call: Call) -> int:
     text = ("\n".join(map(format_text, usable)) if kind == "text"
             else formatted([report.to_dict() for report in reports], kind))
     sys.stdout.write(text.rstrip() + "\n" if text else "")
+    if call.flags.get("apply"):
+        from part2gs_robotics.stress.advice import apply
+
+        for report in reports:
+            written = apply(Path(report.path) / "scene.xml", report.stress.get("advice", {}))
+            sys.stderr.write(f"{report.path}: scene.xml: {written}\n")
     return max(report.exit_code for report in reports)
 
 
@@ -149,6 +155,9 @@ def _wishes(call: Call, steps: int) -> Wishes:
     from part2gs_robotics.ci.accepted import reasons_of
 
     flags = call.flags
+    if flags.get("apply") and not flags.get("stress"):
+        raise ConfigError("command line: --apply is given without --stress. Expected both: only "
+                          "--stress measures which time step and integrator to advise.")
     for name in ("samples", "jobs"):
         if cast(int, flags.get(name, 0)) < 0:
             raise ConfigError(f"command line: --{name} is {flags[name]}. Expected a whole number "

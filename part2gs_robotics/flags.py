@@ -83,7 +83,10 @@ COMMANDS = {
                       _check("samples", int, 0, "draws of the joints from their standard "
                              "deviations: how likely they are free of collision"),
                       _check("stress", bool, False,
-                             "also what takes long: ten seconds of rest, slow drives"),
+                             "also what takes long: extremes, error against run time, ten seconds "
+                             "of rest, slow drives"),
+                      _check("apply", bool, False, "with --stress: write the advised time step and "
+                             "integrator into scene.xml"),
                       _check("root", str, None,
                              "folder that nothing a model names may leave; default: its own"),
                       _check("jobs", int, 0, "assets at a time; 0 = one a core"),

@@ -52,6 +52,7 @@ class CheckReport:
         notes: what was substituted, decimated or left out.  seconds: wall time.
         size: scene units; NaN = not known.
         unusable: why the asset could not be checked at all; "" = it was.
+        stress: numbers and pictures of `--stress`, plain values; empty without.
     """
 
     path: str
@@ -65,6 +66,7 @@ class CheckReport:
     seconds: float = 0.0
     size: float = field(default=float("nan"))
     unusable: str = ""
+    stress: Mapping[str, Any] = field(default_factory=dict)
 
     @property
     def ok(self) -> bool:
@@ -96,6 +98,7 @@ class CheckReport:
             "pieces": list(self.pieces),
             "notes": list(self.notes),
             **({"error": self.unusable} if self.unusable else {}),
+            **({"stress": dict(self.stress)} if self.stress else {}),
         }
 
 
@@ -139,7 +142,8 @@ def report_of(tree: Mapping[str, Any]) -> CheckReport:
     return CheckReport(
         tree["path"], tree["engine"], rows, tuple(tree["joints"]), curves, tuple(tree["losses"]),
         tuple(tree["pieces"]), tuple(tree["notes"]), tree["seconds"],
-        float("nan") if tree["size"] is None else tree["size"], tree.get("error", ""))
+        float("nan") if tree["size"] is None else tree["size"], tree.get("error", ""),
+        tree.get("stress", {}))
 
 
 def with_causes(rows: Iterable[CheckResult]) -> list[CheckResult]:

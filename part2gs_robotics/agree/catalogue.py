@@ -167,6 +167,32 @@ CHECKS = {
                   "9.81 m/s2 along -up in scene units", "correct <option> in scene.xml"),
     "clear world": _x("ground and other things of scene.xml do not touch the twin", "no contact",
                       "move the ground away from the twin"),
+    "own step": _x("the model's own time step and integrator end where a reference of known error "
+                   "ends, in smooth motion and in contact (--stress)",
+                   "1 % of the range as in `time step`, 5 % in contact: impacts fall between steps",
+                   "take the step and integrator of `advised step` in scene.xml (--apply)"),
+    "ladder": _x("time steps up to where each integrator diverges, and its order of accuracy "
+                 "(--stress)", "none: a number only", "nothing"),
+    "advised step": _x("the cheapest integrator and time step that keep the limits of `own step`, "
+                       "half as coarse as where they diverge (--stress)", "none: advice only",
+                       "nothing, or --apply"),
+    "mass ratio": _x("a push on each joint, its load a millionth to a million times as heavy, "
+                     "against its closed form (--stress)", "1 % of the range",
+                     "give the joint an armature, or take the implicitfast integrator"),
+    "gain span": _x("critically damped servos of gain 10 to 1e9 against their closed form "
+                    "(--stress)", "1 % of the range", "take a smaller time step in scene.xml"),
+    "solref span": _x("contacts of solref 0.1 to 1e-4 s end where a finer step ends (--stress)",
+                      "5 % of the range", "take a smaller time step in scene.xml"),
+    "solver span": _x("integrators, solvers and numbers of iterations that end where the reference "
+                      "ends (--stress)", "5 % of the range",
+                      "take a smaller time step in scene.xml"),
+    "clearance span": _x("how thickly everything that collides can be wrapped until a joint no "
+                         "longer goes all its way (--stress)", "99 % of the way",
+                         "carve more room around the part that is stopped"),
+    "scale span": _x("the model at 0.001 to 1000 times its size moves as it must (--stress)",
+                     "5 % of the range", "keep to a scale within the span"),
+    "tunnelling": _x("how fast a ball may be that the thinnest collision piece stops (--stress)",
+                     "none: a number only", "thicken the piece, or take a smaller time step"),
     "chance free": _x("of joints drawn from their standard deviations, the share free of overlap "
                       "in their ranges (--samples)", "0.9, and overlap's 0.2 %: a warning only",
                       "give more photos of that joint, or carve more room around its part"),

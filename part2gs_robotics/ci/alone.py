@@ -101,14 +101,24 @@ def _checked(request: Request) -> CheckReport:
     path = Path(request.path)
     report = check(path, steps=request.steps, stress=request.stress,
                    root=Path(request.root) if request.root else None)
-    if not request.samples:
-        return report
-    from part2gs_robotics.chance import chances
+    began, compiled = time.perf_counter(), bool(report.joints)
+    if request.stress and compiled:  # a model that does not compile has said so
+        report = _stressed(report, path, Path(request.root) if request.root else None)
+    if request.samples:
+        from part2gs_robotics.chance import chances
 
-    began = time.perf_counter()
-    rows = chances(path, request.samples)
-    return replace(report, results=(*report.results, *rows),
-                   seconds=report.seconds + time.perf_counter() - began)
+        report = replace(report, results=(*report.results, *chances(path, request.samples)))
+    return replace(report, seconds=report.seconds + time.perf_counter() - began)
+
+
+def _stressed(report: CheckReport, path: Path, root: Path | None) -> CheckReport:
+    """Return the report with the rows, numbers and pictures of extremes."""
+    from part2gs_robotics.stress import stress
+
+    study = stress(path, root)
+    if study is None:
+        return report
+    return replace(report, results=(*report.results, *study.rows), stress=study.numbers)
 
 
 def _ended(path: str, code: int, said: str) -> str:

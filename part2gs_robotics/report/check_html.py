@@ -34,7 +34,15 @@ def _asset(tree: Tree) -> str:
             f'</span></h2><p class="muted">{escape(str(tree["engine"]))}, '
             f'{cast(float, tree["seconds"]):.1f} s</p><table><tr><th>verdict</th><th>check</th>'
             "<th>about</th><th>value</th><th>limit</th><th>what was found</th><th>cause</th></tr>"
-            f'{"".join(map(_row, rows))}</table><ul>{notes}</ul></section>')
+            f'{"".join(map(_row, rows))}</table><ul>{notes}</ul>{_pictures(tree)}</section>')
+
+
+def _pictures(tree: Tree) -> str:
+    """Return the drawings of --stress, which are this program's own, their words escaped."""
+    stress = cast("Mapping[str, Mapping[str, str]]", tree.get("stress") or {})
+    found = stress.get("pictures", {})
+    titles = {"precision": "Error against run time", "frontier": "Frontier: what still holds"}
+    return "".join(f"<h3>{titles[name]}</h3>{found[name]}" for name in titles if name in found)
 
 
 def _row(row: Tree) -> str:

@@ -31,6 +31,7 @@ TABLES = {
     ("docs/batch.md", "plan10k"): ("batch_plan", "batch_plan", "markdown"),
     ("docs/assets.md", "assets"): ("assets", "assets", "markdown"),
     ("docs/checks.md", "fuzz"): ("fuzz_models", "fuzz_models", "markdown"),
+    ("docs/stress.md", "stress"): ("stress", "stress", "markdown"),
 }
 OWN = {"solids": "solids", "simulators": "simulators", "states": "other_states"}
 

@@ -28,7 +28,8 @@ MAY = {
     "sim_checks": "agree assets collision exporters model runtime", "capture": "assets model",
     "chance": "sim_checks agree collision exporters model runtime",
     "mend": "mesh sim_checks collision exporters model runtime",
-    "ci": "chance sim_checks report assets agree exporters model runtime",
+    "stress": "sim_checks assets agree exporters model runtime",
+    "ci": "chance stress sim_checks report assets agree exporters model runtime",
     "salient": "model", "photos": "salient readers model runtime",
     "view": "exporters assets model runtime",
     "commands": "photos readers model runtime",
@@ -47,6 +48,8 @@ ALONE = {  # from that room, these files alone
     ("mend", "mesh"): {"make_room"}, ("mend", "exporters"): {"mjcf"},
     ("mend", "collision"): {"depth"}, ("mend", "sim_checks"): {
         "__init__", "geometry", "result", "subject"},
+    ("stress", "agree"): {"finding", "of_yaml"}, ("stress", "exporters"): {"twin_yaml"},
+    ("stress", "sim_checks"): {"response", "subject"},
     ("ci", "assets"): {"model_files"}, ("capture", "assets"): {"model_files", "engine"},
     ("view", "exporters"): {"read_twin"}, ("view", "assets"): {"model_files"},
 }  # fmt: skip
