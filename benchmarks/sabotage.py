@@ -1,14 +1,17 @@
 """Break a good twin in every way there is, one at a time, and ask the checker what it finds.
 
-    python benchmarks/sabotage.py [--twins FOLDER ...] [--only WORD]
+    python benchmarks/sabotage.py [--only WORD]
+    python benchmarks/sabotage.py --twins FOLDER ... [--share N]
 
 Without --twins the twin is a cabinet of exact boxes with a drawer, a door, a lever on the door and
 a screw cap, one part textured, exported to SDFormat, glTF and OpenUSD as well; a FOLDER may hold
 any twins. Every kind of sabotage is done to a copy. `caught` names the check that is meant for
 what was broken; `other` was caught by another one; `refused` is exit code 2; `passed` is exit code
 0, which is what must not be. `physics alone` is the verdict without the group of checks that
-compares files. Numbers go to benchmarks/results/sabotage.json, the table to docs/sabotage.md.
-Without --only, and without --twins, both are written; clean twins are checked first.
+compares files, `simcheck` that of simcheck on the files which it can read: anything new that it
+finds counts. Numbers go to benchmarks/results/sabotage.json, the table to docs/sabotage.md; those
+of --twins to sabotage_twins.json, one entry per twin, added to those of other calls. --share takes
+every N-th kind, others for the next twin. Clean twins are checked first.
 """
 
 from __future__ import annotations
@@ -24,16 +27,20 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import sabotage_around
 import sabotage_dynamics
 import sabotage_exports
 import sabotage_files
 import sabotage_models
+import sabotage_more
 from reconstruction_suite import git, insert
+from sabotage_rival import verdicts
 from sabotage_tools import Kind, NotHereError
 from toy_scenes import toy_cabinet_twin, write_all
 
 from part2gs_robotics.errors import Part2GSError
 from part2gs_robotics.model.twin import Part, PartMesh, Texture, Twin
+from part2gs_robotics.outputs import export_twin
 from part2gs_robotics.sim_checks import check
 from part2gs_robotics.sim_checks.result import CheckReport
 from part2gs_robotics.sim_checks.runner import GROUPS
@@ -41,8 +48,11 @@ from part2gs_robotics.sim_checks.runner import GROUPS
 ROOT = Path(__file__).resolve().parents[1]
 RESULTS, PAGE = ROOT / "benchmarks/results/sabotage.json", ROOT / "docs/sabotage.md"
 MARKS = "<!-- sabotage:begin -->", "<!-- sabotage:end -->"
+TWINS = ROOT / "benchmarks/results/sabotage_twins.json"
+TWIN_MARKS = "<!-- twins:begin -->", "<!-- twins:end -->"
 KINDS = (*sabotage_models.kinds(), *sabotage_dynamics.kinds(), *sabotage_files.kinds(),
-         *sabotage_exports.kinds())
+         *sabotage_exports.kinds(), *sabotage_more.kinds(),
+         *sabotage_around.kinds())
 PHYSICS = tuple(g for g in GROUPS if g != "files")
 
 
@@ -51,18 +61,59 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--twins", type=Path, nargs="+", default=[], help="folders that hold twins")
     parser.add_argument("--only", default="", help="kinds whose name holds this")
+    parser.add_argument("--share", type=int, default=1, help="with --twins: every so-many-th kind")
     args = parser.parse_args()
     kinds = [k for k in KINDS if args.only in k.name]
+    found = [file.parent for folder in args.twins for file in sorted(folder.rglob("twin.yaml"))]
     with tempfile.TemporaryDirectory() as place:
-        found = [file.parent for folder in args.twins for file in sorted(folder.rglob("twin.yaml"))]
-        twins = found or [cabinet(Path(place) / "cabinet")]
-        results = [sabotaged(twin, kinds, Path(place)) for twin in twins]
-    table = markdown(results)
-    sys.stdout.write(table)
-    if not args.only and not args.twins:
+        if found:
+            return many(found, kinds, Path(place), (args.share, not args.only))
+        results = [sabotaged(cabinet(Path(place) / "cabinet"), kinds, Path(place))]
+    sys.stdout.write(markdown(results))
+    if not args.only:
         RESULTS.write_text(json.dumps(results, indent=1) + "\n")
-        PAGE.write_text(insert(PAGE.read_text(), table, *MARKS))
-    return int(any(r["verdict"] in ("passed", "crashed") for one in results for r in one["rows"]))
+        PAGE.write_text(insert(PAGE.read_text(), markdown(results), *MARKS))
+    return int(any(r["verdict"] in ("passed", "crashed") for r in results[0]["rows"]))
+
+
+def many(twins: list[Path], kinds: list[Kind], place: Path, how: tuple[int, bool]) -> int:
+    """Break many twins, by comparison of files first and by everything where that passes.
+
+    Args:
+        twins: folders.
+        kinds: of sabotage.
+        place: for copies.
+        how: every so-many-th kind of them, others for every twin; whether to store.
+    """
+    bad = 0
+    for number, folder in enumerate(twins):
+        twin, share = exported(folder, place / folder.name), how[0]
+        one = sabotaged(twin, kinds[number % share::share], place, alone=False)
+        odd = [r for r in one["rows"] if r["verdict"] not in ("caught", "refused")
+               or not r["named"]]
+        counts = Counter(r["verdict"] for r in one["rows"])
+        named = sum(r["named"] for r in one["rows"])
+        entry = {k: one[k] for k in ("twin", "commit", "clean", "seconds", "joints")} | {
+            "kinds": len(one["rows"]), "counts": dict(counts), "named": named, "odd": odd}
+        sys.stdout.write(f"{json.dumps(entry)}\n")
+        sys.stdout.flush()
+        bad += counts["passed"] + counts["crashed"]
+        if how[1]:
+            before = json.loads(TWINS.read_text()) if TWINS.is_file() else []
+            after = sorted([*(e for e in before if e["twin"] != entry["twin"]), entry],
+                           key=lambda e: str(e["twin"]))
+            TWINS.write_text(json.dumps(after, indent=1) + "\n")
+            PAGE.write_text(insert(PAGE.read_text(), table_of_twins(after), *TWIN_MARKS))
+        shutil.rmtree(twin)
+    return int(bad > 0)
+
+
+def exported(twin: Path, copy: Path) -> Path:
+    """Return a copy of a twin, exported to SDFormat, glTF and OpenUSD as well."""
+    shutil.copytree(twin, copy, ignore=shutil.ignore_patterns("stages", "*.ply", "report.*"))
+    for kind in ("sdf", "glb", "usd"):
+        export_twin(copy, kind, copy / kind)
+    return copy
 
 
 def cabinet(folder: Path) -> Path:
@@ -74,40 +125,54 @@ def cabinet(folder: Path) -> Path:
 
 
 def _textured(part: Part) -> Part:
-    image = np.random.default_rng(0).integers(0, 256, (8, 8, 3), dtype=np.uint8)
+    # a picture of the colours of its mesh, as a bake makes it
+    image = np.tile(part.mesh.colors.mean(0).astype(np.uint8), (8, 8, 1))
     uv = np.tile(np.array([[0, 0], [1, 0], [0, 1]], np.float32), (len(part.mesh.faces), 1, 1))
     mesh = PartMesh(part.mesh.vertices, part.mesh.faces, part.mesh.colors, 0.0, Texture(uv, image))
     return Part(part.name, part.parent, mesh, part.pieces, part.joint, part.limits)
 
 
-def sabotaged(twin: Path, kinds: list[Kind], place: Path) -> dict[str, Any]:
-    """Return what a clean twin's check says, and a row for every kind that it can suffer."""
+def sabotaged(twin: Path, kinds: list[Kind], place: Path, alone: bool = True) -> dict[str, Any]:
+    """Return what a clean twin's check says, and a row for every kind that it can suffer.
+
+    Args:
+        twin: folder.
+        kinds: of sabotage.
+        place: for copies.
+        alone: also ask physics alone, and simcheck.
+    """
     clean = check(twin)
     own = {(r.name, r.subject) for r in clean.results if r.status in ("fail", "incomplete")}
     began = time.perf_counter()
     check(twin, only=("files",))
     seconds = time.perf_counter() - began
-    rows = []
-    for kind in kinds:
-        copy = place / "broken"
+    rows, broken = [], dict[str, Path]()
+    for number, kind in enumerate(kinds):
+        copy = place / (f"broken_{number}" if alone else "broken")
         shutil.rmtree(copy, ignore_errors=True)
-        shutil.copytree(twin, copy, ignore=shutil.ignore_patterns("stages", "*.ply", "report.*"))
+        # exports beside are read as well: only where they are what is broken
+        exports = any("/" in file for file in kind.files) or alone
+        left = [] if exports else ["sdf", "glb", "usd"]
+        shutil.copytree(twin, copy, ignore=shutil.ignore_patterns(*left))
         try:
             kind.deed(copy)
         except NotHereError:
             continue
-        rows.append({"kind": kind.name, **judged(copy, kind, own)})
+        broken[kind.name] = copy
+        rows.append({"kind": kind.name, **judged(copy, kind, own, alone)})
+    rival = verdicts(twin, broken) if alone else {}
+    rows = [r | ({"simcheck": rival[r["kind"]]} if rival else {}) for r in rows]
     return {"twin": twin.name, "commit": git("rev-parse", "--short", "HEAD"),
             "clean": sorted(f"{n}: {s}" for n, s in own), "seconds": round(clean.seconds, 2),
-            "files_seconds": round(seconds, 2), "rows": rows}
+            "files_seconds": round(seconds, 2), "joints": len(clean.joints), "rows": rows}
 
 
-def judged(folder: Path, kind: Kind, own: set[tuple[str, str]]) -> dict[str, Any]:
+def judged(folder: Path, kind: Kind, own: set[tuple[str, str]], alone: bool) -> dict[str, Any]:
     """Return what the checker makes of a broken twin: with all checks, and by physics alone."""
     verdict, report, said = asked(folder, ("files",), own)
     if verdict == "passed":
         verdict, report, said = asked(folder, GROUPS, own)
-    alone, _, _ = asked(folder, PHYSICS, own)
+    physics = asked(folder, PHYSICS, own)[0] if alone else ""
     failed = [] if report is None else [
         r for r in report.results if r.status in ("fail", "incomplete")
         and (r.name, r.subject) not in own]
@@ -117,7 +182,7 @@ def judged(folder: Path, kind: Kind, own: set[tuple[str, str]]) -> dict[str, Any
         verdict = "caught" if meant else "other"
     told = told or any(file in said for file in kind.files)
     return {"verdict": verdict, "check": (meant or failed)[0].name if failed else "",
-            "named": bool(told), "physics": "caught" if alone == "failed" else alone,
+            "named": bool(told), "physics": "caught" if physics == "failed" else physics,
             "cause": (meant or failed)[0].cause if failed else said}
 
 
@@ -140,7 +205,8 @@ def markdown(results: list[dict[str, Any]]) -> str:
     lines = []
     for one in results:
         rows = one["rows"]
-        count, before = Counter(r["verdict"] for r in rows), Counter(r["physics"] for r in rows)
+        count, before, rival = (Counter(r[k] for r in rows)
+                                for k in ("verdict", "physics", "simcheck"))
         named = sum(r["named"] for r in rows)
         lines += [
             f"{one['twin']}, {one['commit']}: {len(rows)} kinds; {count['caught']} caught by the "
@@ -148,15 +214,39 @@ def markdown(results: list[dict[str, Any]]) -> str:
             f"{count['crashed']} crashed, {count['passed']} passed; {named} name the file at "
             "fault.",
             "", f"By physics alone {before['caught']} caught, {before['refused']} refused, "
-            f"{before['crashed']} crashed, {before['passed']} passed. The clean twin has "
+            f"{before['crashed']} crashed, {before['passed']} passed. simcheck catches "
+            f"{rival['caught']}, passes {rival['passed']}, and does not read what "
+            f"{rival['not read']} change. The clean twin has "
             f"{len(one['clean'])} failing rows; its whole check takes {one['seconds']:.1f} s, "
             f"the comparison of files {one['files_seconds']:.1f} s.", "",
-            "| what is broken | verdict | by check | file named | physics alone |",
-            "|---|---|---|---|---|"]
+            "| what is broken | verdict | by check | file named | physics alone | simcheck |",
+            "|---|---|---|---|---|---|"]
         lines += [f"| {r['kind']} | {r['verdict']} | {r['check']} | "
-                  f"{'yes' if r['named'] else ''} | {r['physics']} |" for r in rows]
+                  f"{'yes' if r['named'] else ''} | {r['physics']} | {r['simcheck']} |"
+                  for r in rows]
         lines.append("")
     return "\n".join(lines)
+
+
+def table_of_twins(entries: list[dict[str, Any]]) -> str:
+    """Return a line, a row per twin, and every kind that was not caught as meant."""
+    total = sum((Counter(e["counts"]) for e in entries), Counter())
+    done, named = total.total(), sum(e["named"] for e in entries)
+    good = total["caught"] + total["refused"]
+    lines = [f"{done} broken copies of {len(entries)} twins: {good} ({good / max(done, 1):.1%}) "
+             f"caught by the check meant for it or refused, {total['other']} caught by another, "
+             f"{total['crashed']} crashed, {total['passed']} passed; {named} name the file at "
+             f"fault. Rows that fail on clean twins: {sum(len(e['clean']) for e in entries)}.", "",
+             "| twin | commit | joints | fails when clean | kinds | caught | refused | other | "
+             "crashed | passed |", "|---|---|--:|--:|--:|--:|--:|--:|--:|--:|"]
+    for e in entries:
+        cells = [str(e["counts"].get(k, 0)) for k in ("caught", "refused", "other", "crashed",
+                                                      "passed")]
+        lines.append(f"| {e['twin']} | {e['commit']} | {e['joints']} | {len(e['clean'])} | "
+                     f"{e['kinds']} | {' | '.join(cells)} |")
+    odd = [f"- {e['twin']}: {r['kind']}: {r['verdict']}{' by ' + r['check'] if r['check'] else ''}"
+           + ("" if r["named"] else ", file not named") for e in entries for r in e["odd"]]
+    return "\n".join([*lines, "", *odd]).rstrip() + "\n"
 
 
 if __name__ == "__main__":

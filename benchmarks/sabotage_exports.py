@@ -86,18 +86,20 @@ def _glb() -> list[Kind]:
     ]
 
 
+def usd(change: Any) -> Deed:
+    """Return a deed on the stage and the path of the root prim of an exported OpenUSD file."""
+    def deed(folder: Path) -> None:
+        if not (folder / "usd/twin.usd").exists():
+            raise NotHereError("usd/twin.usd")
+        from pxr import Usd
+
+        stage = Usd.Stage.Open(str(folder / "usd/twin.usd"))
+        change(stage, str(stage.GetDefaultPrim().GetPath()))
+        stage.GetRootLayer().Save()
+    return deed
+
+
 def _usd() -> list[Kind]:
-    def usd(change: Any) -> Deed:
-        def deed(folder: Path) -> None:
-            if not (folder / "usd/twin.usd").exists():
-                raise NotHereError("usd/twin.usd")
-            from pxr import Usd
-
-            stage = Usd.Stage.Open(str(folder / "usd/twin.usd"))
-            change(stage, str(stage.GetDefaultPrim().GetPath()))
-            stage.GetRootLayer().Save()
-        return deed
-
     def put_usd(path: str, key: str, value: Any) -> Deed:
         return usd(lambda s, root: s.GetPrimAtPath(f"{root}/{path}").GetAttribute(key).Set(value))
 

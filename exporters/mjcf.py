@@ -18,6 +18,7 @@ from part2gs_robotics.exporters.inertia import MassProperties
 from part2gs_robotics.exporters.meshfile import add_material, piece_name, visual_name, write_meshes
 from part2gs_robotics.exporters.scene import scene_xml
 from part2gs_robotics.exporters.xmlio import add, write_xml
+from part2gs_robotics.model.arrays import F64
 from part2gs_robotics.model.joint import Joint
 from part2gs_robotics.model.kinematics import children, moves
 from part2gs_robotics.model.se3 import quat_from_rotation
@@ -155,7 +156,14 @@ def _joints(body: ET.Element, part: Part, joint: Joint, dyn: JointDynamics) -> N
 
 
 def _sites(body: ET.Element, twin: Twin) -> None:
-    """Emit the three sites robosuite reads object sizes from."""
+    low, high = bounds(tuple(p.mesh for p in twin.parts))
+    size = (0.005 * float(np.linalg.norm(high - low)),)
+    for name, pos in size_sites(twin).items():
+        add(body, "site", name=name, pos=pos, size=size, rgba=(0, 0, 0, 0))
+
+
+def size_sites(twin: Twin) -> dict[str, F64]:
+    """Return [3] places of the three sites that robosuite reads object sizes from, by name."""
     low, high = bounds(tuple(p.mesh for p in twin.parts))
     middle = (low + high) / 2
     up = -np.asarray([0, 0, -1.0]) if twin.up is None else np.asarray(twin.up, float)
@@ -164,13 +172,11 @@ def _sites(body: ET.Element, twin: Twin) -> None:
         float(np.linalg.norm((high - low) - np.abs(up) * np.abs((high - low) @ np.abs(up)))) / 2
     )
     side = np.eye(3)[int(np.argmin(np.abs(up)))]
-    size = (0.005 * float(np.linalg.norm(high - low)),)
-    for name, pos in (
-        ("bottom_site", middle - half * up),
-        ("top_site", middle + half * up),
-        ("horizontal_radius_site", middle + radius * side),
-    ):
-        add(body, "site", name=name, pos=pos, size=size, rgba=(0, 0, 0, 0))
+    return {
+        "bottom_site": middle - half * up,
+        "top_site": middle + half * up,
+        "horizontal_radius_site": middle + radius * side,
+    }
 
 
 def _actuators(root: ET.Element, twin: Twin, physics: Physics) -> None:

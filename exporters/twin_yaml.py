@@ -25,6 +25,7 @@ from part2gs_robotics.exporters.dynamics import (
 from part2gs_robotics.exporters.inertia import MassProperties, density, density_per_unit
 from part2gs_robotics.exporters.meshfile import piece_name, texture_name, visual_name
 from part2gs_robotics.exporters.mjcf import joint_name
+from part2gs_robotics.exporters.xmlio import parsed_yaml
 from part2gs_robotics.model.joint import Joint
 from part2gs_robotics.model.kinematics import moves
 from part2gs_robotics.model.materials import DEFAULT
@@ -242,7 +243,7 @@ def read_twin_yaml(folder: Path) -> TwinSummary:
     try:
         if path.stat().st_size > MAX_YAML_BYTES:
             raise CheckError(f"{path}: larger than {MAX_YAML_BYTES} bytes. Needed our twin.yaml.")
-        document = yaml.safe_load(path.read_text(encoding="utf-8"))
+        document = parsed_yaml(path.read_text(encoding="utf-8"))
     except (OSError, UnicodeDecodeError, yaml.YAMLError, RecursionError) as error:
         raise CheckError(
             f"{path}: cannot be read ({_first_line(error)}). "

@@ -147,11 +147,12 @@ def _opened(folder: Path | None, files: list[Path], root: Path | None
 def _files_rows(folder: Path, compiled: dict[str, mujoco.MjModel]) -> list[CheckResult]:
     """Return what the files of a twin folder say against each other."""
     from part2gs_robotics.agree.folder import agreement, further
+    from part2gs_robotics.contract import contract
 
-    for name, kind in further(folder).items():
-        if kind == "sdf":
-            check_model_files(folder / name)
-    return agreement(folder, compiled)
+    sdf = [name for name, kind in further(folder).items() if kind == "sdf"]
+    for name in sdf:
+        check_model_files(folder / name)
+    return agreement(folder, compiled) + contract(folder, sdf, compiled)
 
 
 Compiled = tuple[list[CheckResult], Models | None, dict[str, "mujoco.MjModel"]]

@@ -163,6 +163,13 @@ CHECKS = {
                  "give each joint one position servo of the kp in twin.yaml"),
     "own settings": _x("a twin changes nothing beside it, and hangs on its joints alone", CONTRACT,
                        "move options into scene.xml; remove welds, tendons, springs"),
+    "own words": _x("files of a twin have no element and no attribute that the program does not "
+                    "write: engines read hundreds, and no other file could contradict them",
+                    CONTRACT, "remove the word, or put it into a file of your own that includes "
+                    "the twin"),
+    "same look": _x("every file shows the colours and pictures of the meshes, and pictures fit the "
+                    "colours of their mesh's corners", f"1 % of colours; {MEASURED}",
+                    "restore the material or picture, or build the twin again"),
     "options": _x("gravity, time step and flags of scene.xml are those of twin.yaml",
                   "9.81 m/s2 along -up in scene units", "correct <option> in scene.xml"),
     "clear world": _x("ground and other things of scene.xml do not touch the twin", "no contact",

@@ -283,7 +283,7 @@ def _states(files: Sequence[Described], names: Sequence[str]) -> list[CheckResul
 def _pieces(files: Sequence[Described], names: Sequence[str], near: Mapping[str, float]
             ) -> list[CheckResult]:
     """Return parts that do not collide in a file, or with other pieces than in others."""
-    out, table = list[CheckResult](), {}
+    out, table, counts = list[CheckResult](), {}, {}
     for name in names:
         pieces = {f.file: p for f in files if (p := f.bodies[name].pieces) is not None}
         out += [fails("collision there", f"{file}: {name}", "nothing of it collides",
@@ -291,6 +291,10 @@ def _pieces(files: Sequence[Described], names: Sequence[str], near: Mapping[str,
                 for file, own in pieces.items() if not own]
         table["collision pieces", name] = {f: np.concatenate(own) for f, own in pieces.items()
                                            if own}
+        counts["number of collision pieces", name] = {f: np.array([float(len(own))])
+                                                      for f, own in pieces.items()}
     out = out[:TOLD] or [CheckResult("collision there", "", "pass",
                                  detail="every part collides in every file")]
-    return out + _rows("same collision", "units", cloud, near, table)
+    number = _rows("same collision", "", apart, _all(files, 0.0), counts) if counts else []
+    return [*out, *(r for r in number if r.status != "pass"),
+            *_rows("same collision", "units", cloud, near, table)]

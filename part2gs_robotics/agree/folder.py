@@ -157,5 +157,4 @@ def _alone(folder: Path, models: Mapping[str, mujoco.MjModel], told: Told, size:
         rows += world.extras(SCENE, models[SCENE]) + world.contact_rules(SCENE, models[SCENE], size)
         rows += world.servo_rules(SCENE, models[SCENE], 1, step)
         rows += world.options(models[SCENE], told.twin, np.array(given), step)
-        rows += world.clear_world(models[SCENE])
     return rows

@@ -64,7 +64,8 @@ def corners(model: mujoco.MjModel, data: mujoco.MjData, geom: int) -> F64:
     else:
         size = model.geom_size[geom]
         round_ = int(model.geom_type[geom]) != int(mujoco.mjtGeom.mjGEOM_BOX)
-        local = SIGNS * (np.full(3, size.max()) if round_ else size)
+        # what no exporter writes is like no other
+        local = np.full((1, 3), NO) if round_ else SIGNS * size
     return np.asarray(local @ data.geom_xmat[geom].reshape(3, 3).T + data.geom_xpos[geom])
 
 
@@ -114,7 +115,8 @@ def _numbers(model: mujoco.MjModel, joint: int) -> dict[str, float]:
     if len(servos) != 1:
         return out
     a = servos[0]
-    force = model.actuator_forcerange[a] if model.actuator_forcelimited[a] else (-NO, NO)
+    force = model.actuator_forcerange[a] if model.actuator_forcelimited[a] else (
+        -np.inf, np.inf)
     command = model.actuator_ctrlrange[a] if model.actuator_ctrllimited[a] else (-np.inf, np.inf)
     return out | {
         "kp": float(model.actuator_gainprm[a, 0]), "effort": float(force[1]),

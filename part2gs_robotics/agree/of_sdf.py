@@ -59,6 +59,10 @@ def _held(name: str, model: ET.Element, joints: dict[str, ET.Element]
             if (element.text or "").strip().lower() not in (good, str(int(good == "true"))):
                 yield ("own settings", name, f"<{tag}> is {element.text}",
                        f"{name}: remove <{tag}>")
+    moved = [j.findtext("child", "") for j in model.iter("joint")]
+    for child in dict.fromkeys(c for c in moved if moved.count(c) > 1):
+        yield ("same joint", f"{name}: {child}", f"{moved.count(child)} joints hold it",
+               f"{name}: leave one joint whose child is {child}")
     base = [j for j in joints.values() if j.findtext("parent") == WORLD]
     if [j.get("type") for j in base] != ["fixed"]:
         yield ("same joint", name, "its base is not fixed to the world",
@@ -106,9 +110,10 @@ def _drive(joint: ET.Element, link: F64, unit: float) -> Drive:
     rubs, damps = (numbers(joint.findtext(f"axis/dynamics/{e}", "0"), 1)[0]
                    for e in ("friction", "damping"))
     force = unit if kind == "prismatic" else unit**2  # newton, or newton metre, in scene units
+    fast = numbers(joint.findtext("axis/limit/velocity", ""), 1)[0] / slide
     return Drive(kind, place[:3, :3] @ along / max(float(np.linalg.norm(along)), 1e-300),
                  place[:3, 3] / unit, pitch if kind == "screw" else 0.0, (low, high),
-                 {"effort": effort / force, "friction": rubs / force,
+                 {"velocity": fast, "effort": effort / force, "friction": rubs / force,
                   "damping": damps / (1.0 if kind == "prismatic" else unit**2)},
                  name=joint.get("name", ""))
 

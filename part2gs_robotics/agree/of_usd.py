@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -17,6 +18,9 @@ if TYPE_CHECKING:
     from pxr import Usd
 
 FLOATS = 1e-5  # relative: masses, places and axes are float32
+SWITCHES = {"physics:rigidBodyEnabled": False, "physics:jointEnabled": False,
+            "physics:collisionEnabled": False, "physics:kinematicEnabled": True,
+            "physics:startsAsleep": True, "visibility": "invisible"}
 KINDS = {"PhysicsRevoluteJoint": "revolute", "PhysicsPrismaticJoint": "prismatic",
          "PhysicsFixedJoint": "fixed"}  # fmt: skip
 
@@ -41,7 +45,7 @@ def of_usd(path: Path, name: str, twin: Twin) -> Described | None:
         unit = float(UsdGeom.GetStageMetersPerUnit(stage))
         root = stage.GetDefaultPrim()
         joints = {_target(p, 1): p for p in stage.Traverse() if p.GetTypeName() in KINDS}
-        bodies = {}
+        bodies, off = {}, tuple(_off(name, root))
         for prim in root.GetChildren():
             if prim.GetName() in joints and not _carrier(prim.GetName(), joints):
                 bodies[prim.GetName()] = _body(prim, joints, root.GetName())
@@ -51,7 +55,21 @@ def of_usd(path: Path, name: str, twin: Twin) -> Described | None:
     wrong = abs(unit / twin.meters - 1) > FLOATS
     text = f"metersPerUnit is {unit:g}, a unit of the twin is {twin.meters:g} m"
     faults = (("same pose", name, text, f"{name}: correct metersPerUnit, or export it again"),)
-    return Described(name, bodies, FLOATS, faults if wrong else ())
+    return Described(name, bodies, FLOATS, (faults if wrong else ()) + off)
+
+
+def _off(name: str, root: Usd.Prim) -> Iterator[tuple[str, str, str, str]]:
+    """Yield what is switched off, held or hidden."""
+    from pxr import Usd
+
+    for prim in Usd.PrimRange(root):
+        for key, bad in SWITCHES.items():
+            found = prim.GetAttribute(key)
+            if found and found.HasAuthoredValue() and found.Get() == bad:
+                yield ("own settings", f"{name}: {prim.GetName()}", f"{key} is {bad}",
+                       f"{name}: remove {key} of {prim.GetName()}, or export it again")
+
+
 
 
 def _target(joint: Usd.Prim, side: int) -> str:

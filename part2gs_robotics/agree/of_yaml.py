@@ -123,7 +123,9 @@ def _leaves(tree: object, path: str) -> Iterator[str]:
 
 def ranges(described: Described, document: dict[str, object]) -> list[CheckResult]:
     """Return where twin.yaml contradicts itself: states outside of the range, observed ends."""
-    out = []
+    out, moved = [], [str(e.get("part")) for e in _entries(document, "joints")]
+    out += [_yaml_fault(name, "two joints move it", "the joints")
+            for name in dict.fromkeys(moved) if moved.count(name) > 1]
     for entry in _entries(document, "joints"):
         name, drive = str(entry.get("name")), described.drives().get(str(entry.get("part")))
         if drive is None or drive.kind == "fixed":

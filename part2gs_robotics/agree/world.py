@@ -11,6 +11,7 @@ from part2gs_robotics.agree.finding import CheckResult, fails, passes
 from part2gs_robotics.agree.of_mujoco import actuators
 from part2gs_robotics.exporters.inertia import gravity_vector
 from part2gs_robotics.model.arrays import F64
+from part2gs_robotics.model.solids import bounds
 from part2gs_robotics.model.twin import Twin
 
 if TYPE_CHECKING:
@@ -20,12 +21,14 @@ SAME = 1e-6  # relative; files have ten digits
 STABLE = 4.83  # servo frequency x step: up to it an implicit, critically damped servo settles
 WIDE = 0.002  # of the size: a margin beyond what `overlap` allows pushes parts that do not touch
 RUBS = 3  # directions of a contact's force: the fewest with friction
-DEEP = 2.0  # of the size that the ground may lie below the twin; ours is just clear of it
+GRIPS = 0.05, 10.0  # of sliding friction: ice on steel is 0.03, soft rubber 4; ours is 1
+FIRM = 0.5  # of solimp: less of a constraint and parts pass through; the engine's own is 0.9
+VISUAL = 2  # group of what is seen, by the contract of the twin folder
 COLLISION = 3  # group of what collides, by the contract of the twin folder
 SOFT = 0.1  # s in which a contact gives back; the engine's own is 0.02, ours 0.008
 # The least an engine may try: half of MuJoCo's own iterations, a hundred times its tolerance.
 TRIES, LAX = 50, 1e-6
-LEVEL = 0.9999  # cosine between ground and gravity: 0.8 degrees, on which nothing rolls
+FAR = 30.0  # x the size that the world may be for a viewer: a table in a large room
 REACH = 9  # positions of every joint at which excluded parts are looked at
 
 
@@ -37,7 +40,7 @@ def contact_rules(file: str, model: mujoco.MjModel, size: float) -> list[CheckRe
         model: compiled.
         size: of the object, scene units.
     """
-    bits = (model.geom_contype | model.geom_conaffinity) & 1
+    bits = model.geom_contype & model.geom_conaffinity & 1
     meets = (model.geom_contype != 0) | (model.geom_conaffinity != 0)
     out = []
     for g in np.flatnonzero(meets):
@@ -54,11 +57,12 @@ def contact_rules(file: str, model: mujoco.MjModel, size: float) -> list[CheckRe
             goal = "solref 0.008 1"
         elif model.geom_bodyid[g] and model.geom_group[g] != COLLISION:
             text, goal = f"collides in group {model.geom_group[g]}", f"group {COLLISION}"
-        elif not 0 < model.geom_solimp[g, 0] <= model.geom_solimp[g, 1] < 1:
+        elif not FIRM <= model.geom_solimp[g, 0] <= model.geom_solimp[g, 1] < 1:
             text, goal = f"has solimp {model.geom_solimp[g].tolist()}", "solimp 0.9 0.95 0.001"
         elif not abs(model.geom_margin[g]) + abs(model.geom_gap[g]) <= WIDE * size:
             text, goal = f"has margin {model.geom_margin[g]:g} units", "margin and gap 0"
-        elif not model.geom_friction[g, 0] > 0 or model.geom_condim[g] < RUBS:
+        elif not (GRIPS[0] <= model.geom_friction[g, 0] <= GRIPS[1]
+                  and model.geom_condim[g] >= RUBS):
             text = f"has friction {model.geom_friction[g, 0]:g}, condim {model.geom_condim[g]}"
             goal = f"friction 1 0.005 0.0001 and condim {RUBS} or more"
         if text:
@@ -145,6 +149,8 @@ def servo_rules(file: str, model: mujoco.MjModel, wanted: int, step: float) -> l
 def _unlike_servo(model: mujoco.MjModel, joint: int, actuators: list[int]) -> str:
     """Return why an actuator is no position servo, or why its force does not arrive."""
     for a in actuators:
+        if model.actuator(a).name != f"{model.joint(joint).name.removesuffix('_joint')}_servo":
+            return f"its actuator is called {model.actuator(a).name!r}"
         if not (model.actuator_biasprm[a, 1] < 0 < model.actuator_gainprm[a, 0]):
             return "its actuator is no position servo"
         if int(model.actuator_dyntype[a]):
@@ -163,10 +169,14 @@ def extras(file: str, model: mujoco.MjModel) -> list[CheckResult]:
     found = {"constraints besides those of screws": model.neq - screws, "tendons": model.ntendon,
              "bodies without their weight (gravcomp)": int((model.body_gravcomp != 0).sum()),
              "joints with springs": int((model.jnt_stiffness != 0).sum()),
+             "numbers of damping or springs that grow with speed or way": _bent(model),
              "joints whose limits give way (solreflimit, solimplimit, margin)": int(_soft(model)),
              "keyframes beyond the joints' limits": int(_beyond(model)),
              "keyframes in motion (qvel)": int((model.key_qvel != 0).any(1).sum()),
-             "free or ball joints": int((model.jnt_type < 2).sum())}
+             "free or ball joints": int((model.jnt_type < 2).sum()),
+             "bodies that are carried about (mocap)": int(model.nmocap),
+             "couplings that give way (solref, solimp)": int(_loose(model)),
+             "things that are seen in a group that viewers hide": int(_hidden(model))}
     out = [fails("own settings", file, f"{count} {what}",
                  f"{file}: remove them; a twin's parts hang on their joints alone")
            for what, count in found.items() if count > 0]
@@ -183,11 +193,31 @@ def _beyond(model: mujoco.MjModel) -> int:
 
 
 def _soft(model: mujoco.MjModel) -> int:
-    """Return how many joints have a limit that does not press back."""
+    """Return how many joints have a limit or a friction that does not press back."""
     press = (model.jnt_solref[:, 0] > 0) & (model.jnt_solref[:, 0] <= SOFT)
-    press &= (model.dof_solref[model.jnt_dofadr, 0] > 0) if model.njnt else True
-    press &= (model.jnt_solimp[:, 0] > 0) & (model.jnt_margin == 0)
+    if model.njnt:
+        first = model.dof_solref[model.jnt_dofadr, 0]
+        press &= (first > 0) & (first <= SOFT) & (model.dof_solimp[model.jnt_dofadr, 0] >= FIRM)
+    press &= (model.jnt_solimp[:, 0] >= FIRM) & (model.jnt_margin == 0)
     return int((~press).sum())
+
+
+def _bent(model: mujoco.MjModel) -> int:
+    """Return how many terms of higher order joints have; engines before 3.17 know none."""
+    terms = (getattr(model, name, np.zeros(0)) for name in ("dof_dampingpoly", "jnt_stiffnesspoly"))
+    return sum(int(np.count_nonzero(t)) for t in terms)
+
+
+def _loose(model: mujoco.MjModel) -> int:
+    """Return how many couplings of joints do not hold."""
+    first = model.eq_solref[:, 0]
+    return int((~((first > 0) & (first <= SOFT) & (model.eq_solimp[:, 0] >= FIRM))).sum())
+
+
+def _hidden(model: mujoco.MjModel) -> int:
+    """Return how many geoms of parts, which collide with nothing, are not in the visual group."""
+    seen = (model.geom_contype == 0) & (model.geom_conaffinity == 0) & (model.geom_bodyid > 0)
+    return int((seen & (model.geom_group != VISUAL)).sum())
 
 
 def options(model: mujoco.MjModel, twin: Twin | None, told: F64, step: float) -> list[CheckResult]:
@@ -223,49 +253,22 @@ def options(model: mujoco.MjModel, twin: Twin | None, told: F64, step: float) ->
                        "remove these from <option>, or raise them to MuJoCo's own"))
     if np.abs(found.wind).max() > 0:
         faults.append((file, f"wind is {found.wind.tolist()}", "remove <option wind>"))
-    if int(found.enableflags) & 1:
-        faults.append((file, "contacts of all bodies are overridden", "drop <flag override>"))
+    if int(found.enableflags):
+        faults.append((file, f"enableflags is {int(found.enableflags)}: contacts "
+                       "overridden, bodies asleep or other", "remove <flag ...='enable'>"))
+    far = float(model.stat.extent) / max(1e-300, 0.0 if twin is None else size_of(twin))
+    if twin is not None and not 1 / FAR <= far <= FAR:
+        faults.append((file, f"<statistic extent> is {far:.3g} times the size",
+                       "set <statistic extent> to the size of the object"))
     out = [fails("options", f, text, f"{f}: {goal}") for f, text, goal in faults]
     return out or [passes("options", file, f"gravity and a time step of "
                            f"{found.timestep:g} s as in twin.yaml")]
 
 
-def clear_world(model: mujoco.MjModel) -> list[CheckResult]:
-    """Return what of the world touches the twin at its observed states."""
-    import mujoco
-
-    out, data = [], mujoco.MjData(model)
-    for k in range(model.nkey):
-        mujoco.mj_resetDataKeyframe(model, data, k)
-        mujoco.mj_forward(model, data)
-        for c in range(data.ncon):
-            geoms = [int(g) for g in data.contact[c].geom]
-            owners = [int(model.geom_bodyid[g]) for g in geoms]
-            if 0 in owners:
-                one, two = (model.geom(g).name or f"geom {g}" for g in geoms)
-                out.append(fails("clear world", "scene.xml", f"{one} touches {two} at "
-                                 f"{model.key(k).name}", f"scene.xml: move {one} or {two} away"))
-    clear = passes("clear world", "scene.xml", "ground is clear of it")
-    return out[:1] or _ground(model) or [clear]
-
-
-def _ground(model: mujoco.MjModel) -> list[CheckResult]:
-    """Return that there is no level, solid ground."""
-    import mujoco
-
-    planes = np.flatnonzero((model.geom_type == int(mujoco.mjtGeom.mjGEOM_PLANE))
-                            & (model.geom_bodyid == 0))
-    down = np.array(model.opt.gravity) / max(float(np.linalg.norm(model.opt.gravity)), 1e-300)
-    for g in planes:
-        frame = np.zeros(9)
-        mujoco.mju_quat2Mat(frame, model.geom_quat[g])
-        level = float(frame.reshape(3, 3)[:, 2] @ down) < -LEVEL
-        below = float((model.geom_pos[g] - model.stat.center) @ down)
-        near = below < DEEP * 2 * float(model.stat.extent)
-        if level and near and (model.geom_contype[g] or model.geom_conaffinity[g]):
-            return []
-    return [fails("clear world", "scene.xml", "has no level ground near it that things rest on",
-                  "scene.xml: add a plane below the twin, its zaxis up, or build the twin again")]
+def size_of(twin: Twin) -> float:
+    """Return the diagonal of all parts at state 0, units."""
+    low, high = bounds(tuple(p.mesh for p in twin.parts))
+    return float(np.linalg.norm(high - low))
 
 
 def leaking(path: Path) -> list[CheckResult]:

@@ -1,0 +1,66 @@
+"""The world around a twin: a level ground, and nothing in the way of any joint."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from part2gs_robotics.agree.finding import CheckResult, fails, passes
+from part2gs_robotics.model.arrays import F64
+
+if TYPE_CHECKING:
+    import mujoco
+
+DEEP = 2.0  # of the size that the ground may lie below the twin; ours is just clear of it
+LEVEL = 0.9999  # cosine between ground and gravity: 0.8 degrees, on which nothing rolls
+REACH = 9  # positions of every joint at which it is looked for what stands in the way
+
+
+def clear_world(model: mujoco.MjModel) -> list[CheckResult]:
+    """Return what of the world touches the twin at its observed states, or on a joint's way."""
+    import mujoco
+
+    data = mujoco.MjData(model)
+    for name, qpos in _poses(model):
+        data.qpos[:] = qpos
+        mujoco.mj_forward(model, data)
+        for c in range(data.ncon):
+            geoms = [int(g) for g in data.contact[c].geom]
+            if 0 in [int(model.geom_bodyid[g]) for g in geoms]:
+                one, two = (model.geom(g).name or f"geom {g}" for g in geoms)
+                return [fails("clear world", "scene.xml", f"{one} touches {two} at {name}",
+                              f"scene.xml: move {one} or {two} away")]
+    clear = passes("clear world", "scene.xml", "ground is clear of it")
+    return _ground(model) or [clear]
+
+
+def _poses(model: mujoco.MjModel) -> Iterator[tuple[str, F64]]:
+    """Yield keyframes, and REACH positions of every joint alone, couplings left as they are."""
+    for k in range(model.nkey):
+        yield model.key(k).name, np.array(model.key_qpos[k])
+    for j in np.flatnonzero(model.jnt_limited):
+        for q in np.linspace(float(model.jnt_range[j, 0]), float(model.jnt_range[j, 1]), REACH):
+            pose = np.array(model.qpos0)
+            pose[model.jnt_qposadr[j]] = q
+            yield f"{model.joint(int(j)).name} {q:.4g}", pose
+
+
+def _ground(model: mujoco.MjModel) -> list[CheckResult]:
+    """Return that there is no level, solid ground."""
+    import mujoco
+
+    planes = np.flatnonzero((model.geom_type == int(mujoco.mjtGeom.mjGEOM_PLANE))
+                            & (model.geom_bodyid == 0))
+    down = np.array(model.opt.gravity) / max(float(np.linalg.norm(model.opt.gravity)), 1e-300)
+    for g in planes:
+        frame = np.zeros(9)
+        mujoco.mju_quat2Mat(frame, model.geom_quat[g])
+        level = float(frame.reshape(3, 3)[:, 2] @ down) < -LEVEL
+        below = float((model.geom_pos[g] - model.stat.center) @ down)
+        near = below < DEEP * 2 * float(model.stat.extent)
+        if level and near and (model.geom_contype[g] or model.geom_conaffinity[g]):
+            return []
+    return [fails("clear world", "scene.xml", "has no level ground near it that things rest on",
+                  "scene.xml: add a plane below the twin, its zaxis up, or build the twin again")]
