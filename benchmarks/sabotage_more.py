@@ -193,7 +193,8 @@ def _tie(root: ET.Element) -> None:
         raise NotHereError("two joints")
     root.append(ET.fromstring(
         "<tendon><fixed name='tie' range='-1 1' limited='true'>"
-        f"<joint joint='{names[0]}' coef='1'/><joint joint='{names[1]}' coef='1'/></fixed></tendon>"))
+        f"<joint joint='{names[0]}' coef='1'/><joint joint='{names[1]}' coef='1'/>"
+        "</fixed></tendon>"))
 
 
 def _follow(root: ET.Element) -> None:
