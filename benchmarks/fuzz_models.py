@@ -10,7 +10,8 @@ that `check` gives one, forked from one that has checked the models unbroken: no
 imports. Every fifth is checked by all checks, the others by those that need no simulation. Verdicts
 are those of the command line: 0 passes, 1 fails, 2 refused; `crashed` is exit code 3, `killed` a
 signal, `hung` more than 60 s, `escaped` a name outside that was not refused. Numbers go to
-benchmarks/results/fuzz_models.json, the table to docs/checks.md; --look writes neither.
+benchmarks/results/fuzz_models.json, the table to docs/checks.md; --look writes neither. --again
+asks this code about the seeds that went wrong before, and --add adds its counts to those of before.
 """
 
 from __future__ import annotations
@@ -30,8 +31,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from fuzz_bases import make_bases
 from reconstruction_suite import git, insert
-from toy_scenes import toy_cabinet_twin
 
 from part2gs_robotics.ci.alone import limit_memory
 
@@ -40,36 +41,12 @@ RESULTS, PAGE = ROOT / "benchmarks/results/fuzz_models.json", ROOT / "docs/check
 MARKS = "<!-- fuzz:begin -->", "<!-- fuzz:end -->"
 HUNG = 60  # s; most mutants take a tenth of one
 WHOLE = 5  # every so many-th mutant is simulated too
+WRONG = ("crashed", "killed", "hung", "escaped")
 STILL = ("compile", "files", "mesh", "inertia", "limits", "states")
 WORDS = ("nan", "inf", "-inf", "1e308", "-1e308", "1e-308", "1e39", "0", "-1", "", " ", "a", "true",
          "99999999999", "0 0 0", "1 2 3 4 5 6 7 8 9 10", "%s%n", "\\x00", "0x7fffffff", "é")
 OUTSIDE = ("../../secret.obj", "/etc/passwd", "a/../../../secret.obj", "file:///etc/passwd",
            "package://../../secret.obj", "..\\secret.obj", "meshes/../../../secret.obj")
-MJCF = """<mujoco model="m"><compiler angle="radian"/><option timestep="0.002"/>
-<default><default class="c"><geom density="500"/></default></default>
-<asset><mesh name="box" file="box.obj"/><material name="k" rgba="1 0 0 1"/></asset>
-<worldbody><include file="part.xml"/><light pos="0 0 3"/>
-<body name="b" pos="0 0 1"><joint name="j" type="slide" axis="1 0 0" range="0 .5" limited="true"/>
-<inertial pos="0 0 0" mass="1" diaginertia=".1 .1 .1"/>
-<geom name="g" type="mesh" mesh="box" class="c" material="k"/>
-<body name="c" pos="0 0 .3"><joint name="h" axis="0 1 0" range="0 1" limited="true"/>
-<geom type="capsule" size=".02 .1" mass=".2"/></body></body></worldbody>
-<contact><exclude body1="b" body2="c"/></contact>
-<equality><joint joint1="h" joint2="j" polycoef="0 1 0 0 0" active="false"/></equality>
-<actuator><position name="s" joint="j" kp="100" kv="20" ctrlrange="0 .5"/></actuator>
-<keyframe><key name="state_0" qpos="0 0"/><key name="state_1" qpos=".4 .5"/></keyframe></mujoco>
-"""
-PART = '<mujocoinclude><geom name="floor" type="plane" size="1 1 .1" pos="0 0 -5"/></mujocoinclude>'
-URDF = """<robot name="r"><link name="base"><inertial><mass value="2"/><inertia ixx=".1" ixy="0"
- ixz="0" iyy=".1" iyz="0" izz=".1"/></inertial><collision><geometry><box size=".4 .4 .02"/>
-</geometry></collision></link><link name="lid"><inertial><origin xyz="0 0 0"/><mass value="1"/>
-<inertia ixx=".1" ixy="0" ixz="0" iyy=".1" iyz="0" izz=".1"/></inertial><visual><geometry>
-<mesh filename="package://pack/meshes/box.obj" scale="1 1 1"/></geometry></visual><collision>
-<geometry><mesh filename="package://pack/meshes/box.obj"/></geometry></collision></link>
-<joint name="hinge" type="revolute"><parent link="base"/><child link="lid"/><origin xyz="0 0 .3"
- rpy="0 0 0"/><axis xyz="0 1 0"/><limit lower="0" upper="1" effort="10" velocity="1"/>
-<dynamics damping=".1"/></joint></robot>
-"""
 
 
 def main() -> int:
@@ -79,15 +56,48 @@ def main() -> int:
     parser.add_argument("--first", type=int, default=0, help="seed of the first one")
     parser.add_argument("--minutes", type=float, default=60.0, help="stop after these")
     parser.add_argument("--look", action="store_true", help="write nothing")
+    parser.add_argument("--add", action="store_true", help="add to the numbers stored")
+    parser.add_argument("--again", action="store_true", help="only the seeds that went wrong")
     args = parser.parse_args()
     with tempfile.TemporaryDirectory() as place:
-        found = fuzz(Path(place), range(args.first, args.first + args.count), args.minutes * 60)
+        if args.again:
+            found = again(Path(place), json.loads(RESULTS.read_text()))
+        else:
+            seeds = range(args.first, args.first + args.count)
+            found = fuzz(Path(place), seeds, args.minutes * 60)
+            found = added(json.loads(RESULTS.read_text()), found) if args.add else found
     table = markdown(found)
     sys.stdout.write(table)
     if not args.look:
         RESULTS.write_text(json.dumps(found, indent=1) + "\n")
         PAGE.write_text(insert(PAGE.read_text(), table, *MARKS))
-    return int(any(found["verdicts"].get(v) for v in ("crashed", "killed", "hung", "escaped")))
+    return int(any(w["verdict"] in WRONG for w in found.get("again", found["wrong"])))
+
+
+def again(place: Path, stored: dict[str, Any]) -> dict[str, Any]:
+    """Return stored numbers with what this code makes of every seed that went wrong."""
+    bases, commit = make_bases(place / "bases"), git("rev-parse", "--short", "HEAD")
+    for folder, main_file in bases.values():
+        code_of(folder / main_file, None)
+    found = [{"seed": w["seed"], "model": w["model"], "commit": commit,
+              "verdict": one(bases, place / "mutant", w["seed"])[2]} for w in stored["wrong"]]
+    return stored | {"again": found}
+
+
+def added(stored: dict[str, Any], more: dict[str, Any]) -> dict[str, Any]:
+    """Return the numbers of two runs over different seeds as one."""
+    def both(a: dict[str, int], b: dict[str, int]) -> dict[str, int]:
+        return dict(Counter(a) + Counter(b))
+
+    names = sorted({*stored["models"], *more["models"]})
+    return stored | {
+        "commit": ", ".join(dict.fromkeys([stored["commit"], more["commit"]])),
+        "mutants": stored["mutants"] + more["mutants"],
+        "seconds": stored["seconds"] + more["seconds"],
+        "slowest": max(stored["slowest"], more["slowest"]),
+        "verdicts": both(stored["verdicts"], more["verdicts"]),
+        "models": {n: both(stored["models"].get(n, {}), more["models"].get(n, {})) for n in names},
+        "wrong": stored["wrong"] + more["wrong"]}
 
 
 def fuzz(place: Path, seeds: range, seconds: float) -> dict[str, Any]:
@@ -104,40 +114,13 @@ def fuzz(place: Path, seeds: range, seconds: float) -> dict[str, Any]:
         name, what, verdict = one(bases, place / "mutant", seed)
         slowest, done = max(slowest, time.perf_counter() - started), done + 1
         by_model.setdefault(name, Counter())[verdict] += 1
-        if verdict in ("crashed", "killed", "hung", "escaped"):
+        if verdict in WRONG:
             wrong.append({"seed": seed, "model": name, "what": what, "verdict": verdict})
     total = sum(by_model.values(), Counter())
     return {"commit": git("rev-parse", "--short", "HEAD"), "mutants": done,
             "seconds": round(time.perf_counter() - began), "slowest": round(slowest, 1),
             "verdicts": dict(total), "models": {k: dict(v) for k, v in sorted(by_model.items())},
             "wrong": wrong}
-
-
-def make_bases(folder: Path) -> dict[str, tuple[Path, str]]:
-    """Write the models that are mutated; return folder and main file by name."""
-    from part2gs_robotics.exporters.mjcf import write_mjcf
-    from part2gs_robotics.exporters.twin_yaml import write_twin_yaml
-    from part2gs_robotics.exporters.urdf import write_urdf
-    from part2gs_robotics.exporters.usd import write_usd
-
-    twin = toy_cabinet_twin(1)
-    box = "".join(f"v {x} {y} {z}\n" for x in (-.1, .1) for y in (-.1, .1) for z in (-.1, .1))
-    box += "f 1 2 4\nf 1 4 3\nf 5 7 8\nf 5 8 6\nf 1 5 6\nf 1 6 2\nf 3 4 8\nf 3 8 7\nf 1 3 7\n"
-    box += "f 1 7 5\nf 2 6 8\nf 2 8 4\n"
-    for name in ("mjcf", "ros/urdf", "ros/meshes", "twin", "usd"):
-        (folder / name).mkdir(parents=True)
-    (folder / "mjcf/m.xml").write_text(MJCF)
-    (folder / "mjcf/part.xml").write_text(PART)
-    (folder / "mjcf/box.obj").write_text(box)
-    (folder / "ros/package.xml").write_text("<package><name>pack</name></package>")
-    (folder / "ros/urdf/m.urdf").write_text(URDF)
-    (folder / "ros/meshes/box.obj").write_text(box)
-    write_mjcf(twin, folder / "twin")
-    write_urdf(twin, folder / "twin")
-    write_twin_yaml(twin, folder / "twin")
-    write_usd(twin, folder / "usd")
-    return {"MJCF": (folder / "mjcf", "m.xml"), "URDF": (folder / "ros", "urdf/m.urdf"),
-            "twin": (folder / "twin", ""), "USD": (folder / "usd", "twin.usd")}
 
 
 def one(bases: dict[str, tuple[Path, str]], place: Path, seed: int) -> tuple[str, str, str]:
@@ -285,6 +268,10 @@ def markdown(found: dict[str, Any]) -> str:
     rows = [*found["models"].items(), ("all", found["verdicts"])]
     lines += [f"| {name} | {' | '.join(str(row.get(v, 0)) for v in verdicts)} |"
               for name, row in rows]
+    told = ", ".join(f"{w['seed']} ({w['model']}) {w['verdict']}" for w in found.get("again", []))
+    if told:
+        lines += ["", "What was crashed or killed there was mended; those seeds today "
+                  f"({found['again'][0]['commit']}): {told}."]
     return "\n".join(lines) + "\n"
 
 

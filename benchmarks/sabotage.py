@@ -53,6 +53,7 @@ TWIN_MARKS = "<!-- twins:begin -->", "<!-- twins:end -->"
 KINDS = (*sabotage_models.kinds(), *sabotage_dynamics.kinds(), *sabotage_files.kinds(),
          *sabotage_exports.kinds(), *sabotage_more.kinds(),
          *sabotage_around.kinds())
+UNREAD = ("twin.urdf", "twin.yaml")
 PHYSICS = tuple(g for g in GROUPS if g != "files")
 
 
@@ -172,7 +173,10 @@ def judged(folder: Path, kind: Kind, own: set[tuple[str, str]], alone: bool) -> 
     verdict, report, said = asked(folder, ("files",), own)
     if verdict == "passed":
         verdict, report, said = asked(folder, GROUPS, own)
-    physics = asked(folder, PHYSICS, own)[0] if alone else ""
+    # what physics never reads can only fail to compile
+    told = kind.files and all(f in UNREAD or f.startswith(("sdf/", "glb/", "usd/"))
+                              for f in kind.files)
+    physics = asked(folder, ("compile",) if told else PHYSICS, own)[0] if alone else ""
     failed = [] if report is None else [
         r for r in report.results if r.status in ("fail", "incomplete")
         and (r.name, r.subject) not in own]

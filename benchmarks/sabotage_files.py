@@ -140,8 +140,9 @@ def _yaml() -> list[Kind]:
         kind("another material", ("own numbers",),
              tell(lambda t: t["material"].update(value="steel", source="measured"))),
         kind("meters_per_unit x 1000", ("own numbers", "options"),
-             told("", "meters_per_unit", lambda v: 1000 * v)),
-        kind("up turned over", ("options",), told("", "up", lambda v: [-x for x in v])),
+             tell(_thousandfold)),
+        kind("up turned over", ("options", "own numbers"),
+             told("", "up", lambda v: [-x for x in v])),
         kind("gravity upwards", ("options",), told("", "gravity", lambda v: [-x for x in v])),
         kind("time step / 10", ("options",), told("", "timestep", lambda v: v / 10)),
         kind("meshes of two parts swapped", SHAPE, tell(_swap_meshes)),
@@ -157,6 +158,11 @@ def _yaml() -> list[Kind]:
         kind("a mesh outside of the folder", ("assets",),
              tell(lambda t: t["parts"][1].update(visual_mesh="../x.obj"))),
     ]
+
+
+def _thousandfold(tree: Any) -> None:
+    leaf = tree["meters_per_unit"]
+    leaf["taken" if leaf.get("source") == "assumed" else "value"] *= 1000
 
 
 def _plain(tree: Any) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import xml.etree.ElementTree as ET
+from pathlib import Path
 
 from sabotage_tools import (
     MJCF,
@@ -215,12 +216,34 @@ def _states() -> list[Kind]:
         Kind("no keyframe of state 1", MJCF, keys, drop(MJCF, one)),
         Kind("no keyframes", MJCF, keys, drop(MJCF, "keyframe")),
         Kind("a further keyframe beyond the limits", MJCF, ("own settings",),
-             insert(MJCF, "keyframe", "<key name='far' qpos='9 9 9 9 9'/>")),
+             edit_xml(MJCF, _far_key)),
         Kind("a keyframe in motion", MJCF, ("own settings",), edit_xml(MJCF, lambda r: [
             k.set("qvel", k.get("qpos", "").replace("0 0 0 0 0", "1 1 1 1 1")) for k in r.iter(
                 "key")])),
         Kind("no keyframes in one file", (DRIVEN,), keys, drop(DRIVEN, "keyframe")),
     ]
+
+
+def _far_key(root: ET.Element) -> None:
+    one = root.find("keyframe/key")
+    if one is not None:
+        far = " ".join("9" for _ in one.get("qpos", "").split())
+        root.find("keyframe").append(ET.fromstring(f"<key name='far' qpos='{far}'/>"))
+
+
+def _box(folder: Path) -> None:
+    """Put a box of a tenth of the size where the first joint's pieces are at state 1."""
+    import mujoco
+
+    model = mujoco.MjModel.from_xml_path(str(folder / SCENE))
+    data = mujoco.MjData(model)
+    mujoco.mj_resetDataKeyframe(model, data, 1)
+    mujoco.mj_kinematics(model, data)
+    geom = next(g for g in range(model.ngeom) if model.geom_bodyid[g] == model.jnt_bodyid[0]
+                and model.geom_contype[g])
+    side = " ".join([f"{0.05 * model.stat.extent:.6g}"] * 3)
+    place = " ".join(f"{x:.6g}" for x in data.geom_xpos[geom])
+    insert(SCENE, "worldbody", f"<geom type='box' size='{side}' pos='{place}'/>")(folder)
 
 
 def _world() -> list[Kind]:
@@ -261,8 +284,7 @@ def _world() -> list[Kind]:
              put(SCENE, "include", "file", "../../other.xml")),
         Kind("scene: a wall welds a part", (SCENE,), ("own settings",), insert(
             SCENE, ".", "<equality><weld body1='part_1'/></equality>")),
-        Kind("scene: a box stands before the twin", (SCENE,), ("clear world",), insert(
-            SCENE, "worldbody", "<geom type='box' size='.3 .3 .3' pos='.6 .3 .3'/>")),
+        Kind("scene: a box stands in the twin", (SCENE,), ("clear world",), _box),
         Kind("scene: angles in radian", (SCENE,), ("same limits",),
              insert(SCENE, ".", "<compiler angle='radian'/>")),
     ]

@@ -226,12 +226,18 @@ def _servos() -> list[Kind]:
         Kind("servo pushes one way alone", (DRIVEN,), servo, put(
             DRIVEN, SERVO, "forcerange", lambda t: f"0 {t.split()[1]}")),
         Kind("servo turned over (gear -1)", (DRIVEN,), servo, put(DRIVEN, SERVO, "gear", "-1")),
-        Kind("servo in the group of another", (DRIVEN,), servo, put(
-            DRIVEN, SERVO, "joint", "part_2_joint")),
+        Kind("servo drives another joint", (DRIVEN,), servo, edit_xml(DRIVEN, _cross)),
         Kind("servo damps 100 times", (DRIVEN,), (*servo, "settling"), put(
             DRIVEN, SERVO, "dampratio", "100")),
         Kind("servos carry each other's name", (DRIVEN,), servo, edit_xml(DRIVEN, _rename_servos)),
     ]
+
+
+def _cross(root: ET.Element) -> None:
+    found = root.findall(SERVO)
+    if len(found) < 2:
+        raise NotHereError("two servos")
+    found[0].set("joint", found[1].get("joint", ""))
 
 
 def _rename_servos(root: ET.Element) -> None:

@@ -239,6 +239,7 @@ def _run(report: CheckReport, models: Models, summary: TwinSummary | None, wante
     from part2gs_robotics.sim_checks.actuation import check_actuation
     from part2gs_robotics.sim_checks.blocking import check_combinations
     from part2gs_robotics.sim_checks.interpenetration import check_interpenetration
+    from part2gs_robotics.sim_checks.motors import check_motors
     from part2gs_robotics.sim_checks.order import in_order
     from part2gs_robotics.sim_checks.passive import check_passive
     from part2gs_robotics.sim_checks.self_intersection import check_self_intersections, warnings_of
@@ -260,7 +261,8 @@ def _run(report: CheckReport, models: Models, summary: TwinSummary | None, wante
     table = static.pieces_table(still) if "overlap" in wanted else []
     rows += static.check_pieces(still, table)
     stuck = {r.subject for r in rows if r.name == "reach" and r.status == "fail"}
-    rows += _servos(driven, stuck, extent.stress) if "stability" in wanted else []
+    if "stability" in wanted:
+        rows += _servos(driven, stuck, extent.stress) + check_motors(driven, Path(report.path))
     rows += check_passive(still) if "passive" in wanted and models.passive else []
     return CheckReport(
         report.path,

@@ -146,7 +146,9 @@ def check_pieces(subject: Subject, table: list[dict[str, object]]) -> list[Check
         if covered >= COVERED and not good:  # the number that fails is the one to show
             measured = (like, LIKE, "IoU >=") if like < LIKE else (
                 beyond / size, BEYOND, "of size beyond")
-        rows.append(CheckResult("collision", str(entry["part"]), status, *measured, detail))
+        cause = "" if good else (f"make the pieces of {entry['part']} again from its visual mesh: "
+                                 f"assets/{entry['part']}_piece_*.obj, and boxes in every file")
+        rows.append(CheckResult("collision", str(entry["part"]), status, *measured, detail, cause))
     return rows
 
 

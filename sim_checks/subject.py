@@ -185,7 +185,7 @@ def require_finite(model: mujoco.MjModel) -> None:
         if not (np.abs(found) < FARTHEST).all():  # NaN too
             worst = found.ravel()[~(np.abs(found.ravel()) < FARTHEST)][0]
             raise ValueError(f"{UNREAL} {name} holds {worst:g}")
-    if not 0 < model.opt.timestep < FARTHEST or not np.isfinite(model.opt.gravity).all():
+    if not 1 / FARTHEST < model.opt.timestep < FARTHEST or not np.isfinite(model.opt.gravity).all():
         raise ValueError(f"{UNREAL} option has timestep {model.opt.timestep:g} and gravity "
                          f"{model.opt.gravity.tolist()}")
 

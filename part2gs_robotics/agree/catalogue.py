@@ -99,6 +99,9 @@ CHECKS = {
                      "99 % of the way, at most 105 % of the speed commanded (SimReady)",
                      "raise forcerange and kp of the servo in twin_actuated.xml, kv if it is "
                      "too fast"),
+    "motor limits": _x("each joint of a URDF goes its range within the effort and velocity of its "
+                       "<limit>, gravity on", "99 % of the way; a warning only",
+                       "raise effort or velocity in <limit>, or lighten what the joint carries"),
     "slow drive": _x("a joint goes 0 to 100 % and back in ten seconds each (--stress)",
                      "as the fast drive", "lower friction of the joint, or raise kp of its servo"),
     "effort": _x("a slow drive leaves force for a load (--stress)", "95 % of the force range",

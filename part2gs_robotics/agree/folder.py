@@ -24,6 +24,7 @@ from part2gs_robotics.agree.of_yaml import (
     YAML,
     array,
     density_of_material,
+    frame,
     number,
     of_yaml,
     provenance,
@@ -105,7 +106,7 @@ def _told(folder: Path) -> tuple[Told, list[CheckResult]]:
         text = str(error)
         return Told(None, None, {}), [fails("assets", YAML, text, text.partition("Needed ")[2]
                                             or "build the twin again")]
-    rows = provenance(document) + ranges(described, document)
+    rows = provenance(document) + ranges(described, document) + frame(document)
     rows += density_of_material(twin, document)
     rows += truth.masses(described, twin, document)
     rows += truth.loose_bits(twin) + truth.textures(twin, folder, document)

@@ -151,6 +151,21 @@ def ranges(described: Described, document: dict[str, object]) -> list[CheckResul
     return out or [passes("own numbers", YAML, "ranges hold the observed states")]
 
 
+def frame(document: dict[str, object]) -> list[CheckResult]:
+    """Return where unit, up and gravity of twin.yaml do not fit together, assumed ones as well."""
+    up, gravity = array(document, "up", (3,)), array(document, "gravity", (3,))
+    leaf, out = document.get("meters_per_unit"), []
+    told = leaf.get("value") if isinstance(leaf, dict) else None
+    if isinstance(told, str) and told != "unknown":
+        out.append(_yaml_fault("whole", f"meters_per_unit is {told[:40]!r}", "meters_per_unit"))
+    if not abs(float(np.linalg.norm(up)) - 1) <= CLOSE:
+        out.append(_yaml_fault("whole", f"up is {up.tolist()}, no unit vector", "up"))
+    elif not np.abs(gravity / np.linalg.norm(gravity) + up).max() <= CLOSE:
+        out.append(_yaml_fault("whole", f"gravity {gravity.tolist()} is not along -up, up is "
+                               f"{up.tolist()}", "up or gravity"))
+    return out
+
+
 def _yaml_fault(name: str, detail: str, key: str) -> CheckResult:
     return fails("own numbers", f"{YAML}: {name}", detail,
                  f"twin.yaml: correct {key} of {name}, or build the twin again")

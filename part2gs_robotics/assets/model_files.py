@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from pathlib import Path
 from xml.parsers import expat
 
@@ -18,6 +19,7 @@ _FILE_ATTRIBUTES = frozenset(
 # What makes the engine reserve memory, and how much: a large terrain, more copies than needed.
 _COUNTS = {"width": 1 << 14, "height": 1 << 14, "nrow": 1 << 12, "ncol": 1 << 12, "count": 10_000,
            "nuserdata": 1 << 20, "nuser_body": 1 << 12, "nconmax": 1 << 22, "njmax": 1 << 22}
+_FORMAT = re.compile(r"%[-+ #0-9.*]*(?:[hlLqjzt]*)[ns]")  # of C: %s reads and %n writes anywhere
 _REPEATS = "replicate"  # whose counts multiply where one stands in another
 # MuJoCo parses what these name as XML, whatever the file is called.
 _XML_TAGS = frozenset(["include", "model"])
@@ -138,6 +140,10 @@ def _references(content: bytes, where: Path) -> tuple[list[str], list[tuple[str,
     folders, files, copies = list[str](), list[tuple[str, bool]](), [1.0]
 
     def start(tag: str, attributes: dict[str, str]) -> None:
+        odd = next((v for v in attributes.values() if _FORMAT.search(v)), None)
+        if odd is not None:
+            raise CheckError(f"{where}: <{tag}> says {odd[:60]!r}, which the engine's messages "
+                             "take for a format, and abort. Expected plain names; remove the %.")
         copies.append(copies[-1] * _counted(tag, attributes, copies[-1], where))
         for key, value in attributes.items():
             if tag == "compiler" and key in _FOLDER_ATTRIBUTES:

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from part2gs_robotics.agree.finding import CheckResult, fails, passes
 from part2gs_robotics.exporters.meshfile import add_material, mean_rgba
@@ -144,7 +145,7 @@ def _corner_colours(mesh: PartMesh) -> F64:
     return np.asarray(mesh.colors, np.float64)[np.asarray(mesh.faces).reshape(-1)] / 255.0
 
 
-def sampled(texture: Texture, uv: F64) -> F64:
+def sampled(texture: Texture, uv: NDArray[np.floating]) -> F64:
     """Return [3 F, 3] colours of a picture at places [F, 3, 2] of corners, v upwards; 0..1."""
     image = texture.image
     high, wide = image.shape[:2]

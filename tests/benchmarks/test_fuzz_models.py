@@ -43,3 +43,13 @@ def test_signals_are_verdicts(load, monkeypatch) -> None:
     for number, verdict in ((signal.SIGSEGV, "killed"), (signal.SIGALRM, "hung")):
         monkeypatch.setattr(fuzz, "code_of", lambda *_, n=number: os.kill(os.getpid(), n))
         assert fuzz.checked(Path("none"), None) == verdict
+
+
+def test_two_runs_add_up(load) -> None:
+    run = {"commit": "a", "mutants": 2, "seconds": 1, "slowest": 0.5, "verdicts": {"fails": 2},
+           "models": {"URDF": {"fails": 2}}, "wrong": []}
+    other = run | {"commit": "b", "slowest": 0.7, "models": {"USD": {"fails": 2}}}
+    found = load("fuzz_models").added(run, other)
+    assert (found["mutants"], found["slowest"], found["commit"]) == (4, 0.7, "a, b")
+    assert found["verdicts"] == {"fails": 4}
+    assert set(found["models"]) == {"URDF", "USD"}
