@@ -28,7 +28,7 @@ COLLISION = 3  # group of what collides, by the contract of the twin folder
 SOFT = 0.1  # s in which a contact gives back; the engine's own is 0.02, ours 0.008
 # The least an engine may try: half of MuJoCo's own iterations, a hundred times its tolerance.
 TRIES, LAX = 50, 1e-6
-FAR = 30.0  # x the size that the world may be for a viewer: a table in a large room
+FAR = 30.0  # x the size that the world may be for a viewer: an object in a large room
 REACH = 9  # positions of every joint at which excluded parts are looked at
 
 

@@ -23,28 +23,19 @@ KEPT = 0.5  # of its volume a simpler copy must keep; the parts of twenty twins 
 def to_manifold(mesh: PartMesh) -> Manifold:
     """Return the solid of a mesh; its `status()` tells whether it is closed.
 
-    A mesh whose edges do not cancel is not shown to manifold3d: one in a hundred ended the process
-    (a face twice), the others are none as well.
+    What is open is not shown to manifold3d: one in a hundred (a face twice) ended the process.
     """
     faces = np.ascontiguousarray(mesh.faces, np.uint64)
-    return manifold3d.Manifold(
-        manifold3d.Mesh64(
-            np.ascontiguousarray(mesh.vertices, np.float64),
-            faces if _cancels(faces) else faces[:1],
-        )
-    )
+    points = np.ascontiguousarray(mesh.vertices, np.float64)
+    shown = faces if _cancels(faces) else faces[:1]
+    return manifold3d.Manifold(manifold3d.Mesh64(points, shown))
 
 
 def _cancels(faces: NDArray[np.uint64]) -> bool:
     """Return whether every edge is walked as often one way as the other."""
-    ends = np.roll(faces, -1, axis=1)
-    most = faces.max(initial=np.uint64(0)) + np.uint64(1)
-    if most >= 1 << 31:  # no mesh has such a corner: manifold3d says so by itself
-        return True
-    there, back = (faces * most + ends).ravel(), (ends * most + faces).ravel()
-    there.sort()
-    back.sort()
-    return bool(np.array_equal(there, back))
+    ends, most = np.roll(faces, -1, axis=1), faces.max(initial=np.uint64(0)) + np.uint64(1)
+    there, back = np.sort((faces * most + ends).ravel()), np.sort((ends * most + faces).ravel())
+    return bool(np.array_equal(there, back) or most >= 1 << 32)  # there products wrap around
 
 
 def to_mesh(solid: Manifold, color: tuple[int, int, int] = GREY) -> PartMesh:

@@ -5,13 +5,12 @@ from __future__ import annotations
 import hashlib
 import json
 import re
+import sys
 from collections.abc import Mapping
 from functools import cache
 from importlib import metadata
 from importlib.util import find_spec
 from pathlib import Path
-
-import numpy as np
 
 PACKAGE = "part2gs_robotics"
 ROOT = Path(__file__).resolve().parents[1]
@@ -33,9 +32,10 @@ def hash_of(*parts: object) -> str:
 
 
 def _update(digest: hashlib._Hash, part: object) -> None:
-    if isinstance(part, np.ndarray):
+    numpy = sys.modules.get("numpy")  # where nobody has loaded it, nothing is an array
+    if numpy is not None and isinstance(part, numpy.ndarray):
         digest.update(f"{part.dtype}{part.shape}".encode())
-        digest.update(np.ascontiguousarray(part).tobytes())
+        digest.update(numpy.ascontiguousarray(part).tobytes())
     elif isinstance(part, bytes):
         digest.update(part)
     elif isinstance(part, tuple | list):

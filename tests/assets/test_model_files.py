@@ -133,3 +133,14 @@ def test_too_many_includes_are_refused(model: Make):
     names = "".join(f'<include file="{i}.txt"/>' for i in range(250))
     with pytest.raises(CheckError, match="more than 200 files"):
         check_model_files(model(f"<mujoco>{names}</mujoco>"))
+
+
+@pytest.mark.parametrize("name", ["%s%n", "%n", "%10.3s", "%-5ln"])
+def test_a_name_that_is_a_format_is_refused(model: Make, name: str) -> None:
+    """MuJoCo prints some names through a C format: %n writes into the memory."""
+    with pytest.raises(CheckError, match="format"):
+        check_model_files(model(f'<mujoco model="{name}"/>'))
+
+
+def test_a_percent_sign_alone_is_a_name(model: Make) -> None:
+    check_model_files(model('<mujoco model="50% of it, %20file"/>'))

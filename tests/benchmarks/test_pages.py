@@ -26,11 +26,13 @@ TABLES = {
     ("docs/losses.md", "losses"): ("losses", "losses_ranks", "markdown"),
     ("docs/masks.md", "masks"): ("masks", "masks", "table"),
     ("docs/sabotage.md", "sabotage"): ("sabotage", "sabotage", "markdown"),
+    ("docs/sabotage.md", "twins"): ("sabotage_twins", "sabotage", "table_of_twins"),
     ("docs/photos.md", "photos"): ("photos", "photos", "markdown"),
     ("docs/batch.md", "trial"): ("batch", "batch", "markdown"),
     ("docs/batch.md", "plan10k"): ("batch_plan", "batch_plan", "markdown"),
     ("docs/assets.md", "assets"): ("assets", "assets", "markdown"),
     ("docs/checks.md", "fuzz"): ("fuzz_models", "fuzz_models", "markdown"),
+    ("docs/ci.md", "time"): ("check_time", "check_time", "markdown"),
     ("docs/stress.md", "stress"): ("stress", "stress", "markdown"),
 }
 OWN = {"solids": "solids", "simulators": "simulators", "states": "other_states"}

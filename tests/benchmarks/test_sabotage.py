@@ -54,10 +54,37 @@ def test_what_is_not_there_is_not_counted(load, clean) -> None:
 
 def test_the_table_counts_what_rows_say(load) -> None:
     row = {"kind": "k", "verdict": "caught", "check": "same mass", "named": True,
-           "physics": "passed", "cause": ""}
-    rows = [row, row | {"verdict": "passed", "named": False}]
+           "physics": "passed", "cause": "", "simcheck": "caught"}
+    rows = [row, row | {"verdict": "passed", "named": False, "simcheck": "not read"}]
     text = load("sabotage").markdown([{"twin": "t", "commit": "c", "clean": [], "seconds": 2.0,
                                        "files_seconds": 0.2, "rows": rows}])
     assert "2 kinds; 1 caught by the check meant for it, 0 by another, 0 refused" in text
     assert "1 passed; 1 name the file at fault" in text
     assert "By physics alone 0 caught, 0 refused, 0 crashed, 2 passed" in text
+    assert "simcheck catches 1, passes 0, and does not read what 1 change" in text
+
+
+def test_the_table_of_twins_counts_what_entries_say(load) -> None:
+    odd = {"kind": "k", "verdict": "other", "check": "compile", "named": False, "cause": ""}
+    entry = {"twin": "t", "commit": "c", "clean": [], "joints": 2, "kinds": 50, "named": 49,
+             "counts": {"caught": 45, "refused": 4, "other": 1}, "odd": [odd]}
+    text = load("sabotage").table_of_twins([entry, entry | {"twin": "u", "clean": ["mesh: a"]}])
+    assert "100 broken copies of 2 twins: 98 (98.0%) caught" in text
+    assert "Rows that fail on clean twins: 1" in text
+    assert "- t: k: other by compile, file not named" in text
+
+
+def test_simcheck_is_asked_what_changed(load, clean) -> None:
+    rival = load("sabotage_rival")
+    one, two = clean / "one", clean / "two"
+    for folder in (one, two):
+        (folder / "assets").mkdir(parents=True)
+        for name in (*rival.READS, "twin.yaml", "assets/a.obj"):
+            (folder / name).write_text("same")
+    assert rival.changed(one, two) == []
+    (two / "twin.yaml").write_text("other")
+    assert rival.changed(one, two) == []
+    (two / "twin.urdf").write_text("other")
+    assert rival.changed(one, two) == ["twin.urdf"]
+    (two / "assets/a.obj").write_text("other")
+    assert set(rival.changed(one, two)) == {"twin.xml", "twin.urdf"}

@@ -226,3 +226,13 @@ def test_pieces_that_are_not_the_part_are_caught(defect: str, tmp_path: Path) ->
         solids = sorted(solids, key=lambda s: s.volume())[:-4]
     sick = change(twin, 0, pieces=tuple(to_mesh(s) for s in solids))
     assert ("collision", "base") in failed(check(write(sick, tmp_path), only=("overlap",)))
+
+
+@pytest.mark.parametrize("step", ["1e-308", "1e-30", "1e30"])
+def test_a_time_step_of_no_world_is_named(tmp_path: Path, step: str) -> None:
+    (tmp_path / "m.xml").write_text(
+        f'<mujoco><option timestep="{step}"/><worldbody><body><joint name="j" range="0 1"/>'
+        '<geom size=".1"/></body></worldbody></mujoco>')
+    report = check(tmp_path / "m.xml", quick=True)
+    assert report.exit_code == 1
+    assert "timestep" in report.results[0].detail
