@@ -8,6 +8,7 @@ from pathlib import Path
 from sabotage_tools import (
     MJCF,
     Kind,
+    NotHereError,
     both,
     drop,
     edit_xml,
@@ -231,6 +232,11 @@ def _far_key(root: ET.Element) -> None:
         root.find("keyframe").append(ET.fromstring(f"<key name='far' qpos='{far}'/>"))
 
 
+def _needs_hinge(folder: Path) -> None:
+    if ET.parse(folder / PASSIVE).getroot().find(".//joint[@type='hinge']") is None:
+        raise NotHereError("a hinge, which has an angle")
+
+
 def _box(folder: Path) -> None:
     """Put a box of a tenth of the size where the first joint's pieces are at state 1."""
     import mujoco
@@ -285,6 +291,6 @@ def _world() -> list[Kind]:
         Kind("scene: a wall welds a part", (SCENE,), ("own settings",), insert(
             SCENE, ".", "<equality><weld body1='part_1'/></equality>")),
         Kind("scene: a box stands in the twin", (SCENE,), ("clear world",), _box),
-        Kind("scene: angles in radian", (SCENE,), ("same limits",),
-             insert(SCENE, ".", "<compiler angle='radian'/>")),
+        Kind("scene: angles in radian", (SCENE,), ("same limits",), both(
+            _needs_hinge, insert(SCENE, ".", "<compiler angle='radian'/>"))),
     ]
