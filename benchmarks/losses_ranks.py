@@ -65,7 +65,7 @@ def markdown(result: dict[str, Any]) -> str:
     objects = sorted({r["object"] for r in result["rows"]})
     lines = [f"{first['twins']} broken twins of {first['parts']} parts of {len(objects)} objects "
              f"({', '.join(objects)}).", "",
-             "| loss | form | against | within a part | over all parts | over all, above the floor |",
+             "| loss | form | against | within a part | over all parts | above the floor |",
              "|---|---|---|--:|--:|--:|"]
     for e in result["ranks"]:
         cells = []

@@ -71,7 +71,7 @@ class Case:
 
 
 def main() -> None:
-    """Break the twins that are named, write their numbers and the figure; without any, rank anew."""
+    """Break the twins that are named, write numbers and figure; without any, rank anew."""
     torch.set_num_threads(1)
     stored = ROOT / "benchmarks/results/losses.json"
     rows: list[dict[str, Any]] = [] if sys.argv[1:] else json.loads(stored.read_text())["rows"]

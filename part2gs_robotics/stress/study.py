@@ -27,7 +27,7 @@ from part2gs_robotics.stress.precision import INTEGRATORS, SECONDS, Diagram, dia
 PASSIVE, ACTUATED, SCENE = "twin.xml", "twin_actuated.xml", "scene.xml"
 
 
-STEP = "take the step and integrator of the row `advised step` (--apply)"
+STEP = "take the step and integrator of the row `advised step` (--apply, in a twin folder)"
 VERDICTS: dict[str, Status] = {"ok": "pass", "inaccurate": "warn", "diverged": "fail"}
 
 
@@ -120,7 +120,7 @@ def _own_step(start: Start, found: Diagram) -> CheckResult:
     return CheckResult("own step", found.kind, status, float(error), limit, "of range",
                        f"{INTEGRATORS[int(opt.integrator)]} at {opt.timestep:.3g} s; the reference "
                        f"is known to {found.own_error:.1g}",
-                       "" if status == "pass" else f"scene.xml: {STEP}")
+                       "" if status == "pass" else f"<option>: {STEP}")
 
 
 def _ladder(ways: Sequence[Diagram]) -> CheckResult:
@@ -144,7 +144,7 @@ def _ratios(cells: Sequence[Cell]) -> CheckResult:
     return CheckResult(
         "mass ratio", str(worst.set["joint"]), status, worst.error, RIGHT, "of range",
         f"a push against its closed form holds from {low:g} to {high:g} times the mass; worst at "
-        f"{worst.set['ratio']:g}", "" if status == "pass" else f"scene.xml: {STEP}, or give the "
+        f"{worst.set['ratio']:g}", "" if status == "pass" else f"<option>: {STEP}, or give the "
         "joint an armature")
 
 
@@ -165,7 +165,7 @@ def _spans(cells: dict[str, list[Cell]]) -> list[CheckResult]:
             detail += f"; diverges at {', '.join(f'{v:g}' for v in broken)}"
         out.append(CheckResult(f"{name} span", "", "pass" if np.isfinite(low) else "warn",
                                None, None, "", detail, "" if np.isfinite(low) else
-                               "scene.xml: take a smaller time step"))
+                               "<option>: take a smaller time step"))
     fine = [c for c in cells["solver"] if c.status == "ok"]
     few = {s: min((c.set["tries"] for c in fine if c.set["solver"] == s), default=0)
            for s in extremes.SOLVERS}
@@ -183,7 +183,7 @@ def _gains(cells: Sequence[Cell]) -> CheckResult:
     fine = all(np.isfinite(low) for low, _ in told.values())
     return CheckResult("gain span", "", "pass" if fine else "warn", None, None, "", "critically "
                        f"damped servos follow their closed form: {text}",
-                       "" if fine else f"scene.xml: {STEP}")
+                       "" if fine else f"<option>: {STEP}")
 
 
 def _walls(subject: Subject, cells: Sequence[Cell]) -> CheckResult:
