@@ -178,6 +178,17 @@ def campaign(count: int, first: int, minutes: float) -> dict[str, object]:
             "faults": [row for row in rows if row[3] not in ("read", "refused")][:50]}
 
 
+def added(one: dict[str, object], two: dict[str, object]) -> dict[str, object]:
+    """Return the figures of two campaigns of different seeds together."""
+    counts = {key: dict(sorted((Counter(one[key]) + Counter(two[key])).items()))
+              for key in ("outcomes", "by_file", "by_kind")}
+    lists = {key: one[key] + two[key] for key in ("slow", "crashes", "faults")}
+    slowest = max(one["slowest_seconds"], two["slowest_seconds"])
+    return {"cases": one["cases"] + two["cases"],
+            "first_seed": [one["first_seed"], two["first_seed"]], **counts, **lists,
+            "slowest_seconds": slowest}
+
+
 def main() -> int:
     """Run the campaign and write its figures; 1 if anything was not read or refused."""
     parser = argparse.ArgumentParser(description=__doc__)
@@ -185,12 +196,15 @@ def main() -> int:
     parser.add_argument("--first", type=int, default=0, help="seed of the first case")
     parser.add_argument("--minutes", type=float, default=60.0, help="stop after so many")
     parser.add_argument("--out", type=Path)
+    parser.add_argument("--add", type=Path, help="figures of an earlier run, of other seeds")
     parser.add_argument("--batch", type=int, nargs=2, metavar=("FIRST", "COUNT"))
     given = parser.parse_args()
     if given.batch:
         batch(*given.batch)
         return 0
     found = campaign(given.count, given.first, given.minutes)
+    if given.add:
+        found = added(json.loads(given.add.read_text()), found)
     text = json.dumps(found, indent=1) + "\n"
     if given.out:
         given.out.write_text(text)

@@ -240,7 +240,8 @@ def _scene(call: Call) -> int:
     scale = ("unknown scale (print the sheet of part2gs-robot marker, or give --known-length)"
              if wishes.known_length is None else "scale by --known-length")
     if made.scale is not None:
-        scale = f"metres by {made.scale.markers} markers, spread {made.scale.spread:.2%}"
+        by = f"{made.scale.markers} {made.scale.source}"
+        scale = f"metres by {by}, spread {made.scale.spread:.2%}"
     return _say(call, {"scene": str(out), **made.facts},
                 f"{out}: {made.registered[0]} of {made.taken[0]} and {made.registered[1]} of "
                 f"{made.taken[1]} photos registered; {scale}. Next: part2gs-robot inspect {out}, "
@@ -251,7 +252,7 @@ def _marker(call: Call) -> int:
     from part2gs_robotics.photos.markers import write_marker_sheet
 
     out = Path(str(call.flags.get("out", "sheet.pdf")))
-    write_marker_sheet(out)
+    write_marker_sheet(out, bool(call.flags.get("charuco")))
     return _say(call, {"file": str(out)}, f"{out}: print at 100 %, lay it beside the object\n")
 
 

@@ -21,6 +21,8 @@ class ReadConfig:
     """masks are white on the background instead of on the object"""
     depth: bool = True
     """use depth images where the scene has them"""
+    align: bool = False
+    """carry state 1 onto state 0 on what stayed, where they are slightly out of one frame"""
     scale: float | None = None
     """metres per scene unit, if known"""
     known_length: float | None = None

@@ -15,7 +15,13 @@ from numpy.typing import NDArray
 from part2gs_robotics.config import BOUNDS
 from part2gs_robotics.errors import ConfigError, SceneError
 from part2gs_robotics.photos.frames import FEWEST, Photo, read_photos
-from part2gs_robotics.photos.markers import MarkerScale, find_markers, marker_scale
+from part2gs_robotics.photos.markers import (
+    MarkerScale,
+    board_scale,
+    find_board,
+    find_markers,
+    marker_scale,
+)
 from part2gs_robotics.photos.masks import make_masks
 from part2gs_robotics.photos.posed import Posed
 from part2gs_robotics.photos.register import import_colmap, register
@@ -97,8 +103,7 @@ def make_scene(sources: tuple[Path, Path], out: Path, wishes: Wishes | None = No
     posed = _registered(photos)
     used = tuple([_by_name(photos[s])[Path(n).stem] for n in posed.names[s]] for s in (0, 1))
     posed, pictures, given = _flattened(posed, used)
-    seen = find_markers(pictures[0], 0) | find_markers(pictures[1], 1)
-    scale = marker_scale(seen, posed.K, posed.viewmats, wishes.marker_m)
+    scale = _scale(pictures, posed, wishes.marker_m)
     support = find_support(posed)
     standing = posed.moved(1.0, support.stand_from_world)
     if given is None:
@@ -112,6 +117,14 @@ def make_scene(sources: tuple[Path, Path], out: Path, wishes: Wishes | None = No
     write_scene(out, pictures, masks, final, dict(facts))
     taken = len(photos[0]), len(photos[1])
     return Made((len(final.names[0]), len(final.names[1])), taken, scale, facts)
+
+
+def _scale(pictures: Sequence[Sequence[U8]], posed: Posed, size_m: float) -> MarkerScale | None:
+    """Return what a printed board says, else what single markers do."""
+    board = find_board(pictures[0], 0) | find_board(pictures[1], 1)
+    single = find_markers(pictures[0], 0) | find_markers(pictures[1], 1)
+    return (board_scale(board, posed.K, posed.viewmats, size_m)
+            or marker_scale(single, posed.K, posed.viewmats, size_m))
 
 
 def _check(wishes: Wishes) -> None:
@@ -231,6 +244,6 @@ def _facts(posed: Posed, photos: Photos, scale: MarkerScale | None, agree: list[
             "points_that_stayed": int(posed.seen.all(axis=1).sum()),
             "states_apart": posed.apart,
             "scale": None if scale is None else {
-                "from": "markers", "meters_per_unit": 1.0, "markers": scale.markers,
+                "from": scale.source, "meters_per_unit": 1.0, "markers": scale.markers,
                 "spread": round(scale.spread, 4)},
             "masks": "given" if agree is None else "made", "masks_agree": agree}

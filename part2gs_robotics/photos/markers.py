@@ -1,9 +1,10 @@
-"""Printed markers: the sheet that gives tables texture, and the scale that photos of it give."""
+"""Printed markers and boards: sheets that give tables texture, and the scale that photos give."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import combinations
 from pathlib import Path
 
 import cv2
@@ -23,11 +24,17 @@ SIZE_M = 0.060  # of a marker's black square: 20 px or more in a photo that show
 GAP_M = 0.020  # white between markers: they are found by their quiet border
 PAGE_M = (0.210, 0.297)  # A4; cut off nothing on US letter, which is 18 mm shorter
 POINTS_PER_M = 72 / 0.0254  # PDF counts in points
+BOARD = 3, 4  # squares of the ChArUco board, as large as single markers: as far off is it found
+BOARD_MARKER_M = 0.045  # in a white square of it: a border of 1.3 of its cells stays white
+BOARD_FIRST = 6  # number of its first marker: those before are of the sheet
+FEWEST_CORNERS = 4  # of the board's six: any four span two directions
 FEWEST_VIEWS = 3  # of a marker: its corners are then seen twice more than they have unknowns
 AGREE = 0.05  # relative: sides of a marker that differ more are misread, or the sheet moved
+NORMAL = 0.6745  # median of a normal deviate's size: makes a deviation of it
 EVENLY = 0.02  # relative spread of all sides: a scale that is worse is no better than a tape
 
 Seen = dict[tuple[int, int], list[tuple[int, F64]]]
+Box = tuple[float, float, float, float]  # left, low, width, height of a black cell, metres
 
 
 @dataclass(frozen=True)
@@ -36,13 +43,15 @@ class MarkerScale:
 
     Attributes:
         meters_per_unit: true lengths on the sheet over those in the scene.
-        markers: how many (marker, state) pairs it is from.
+        markers: how many (marker, state) pairs it is from, or corners of the board.
         spread: relative standard deviation of what they say.
+        source: what they are.
     """
 
     meters_per_unit: float
     markers: int
     spread: float
+    source: str = "markers"
 
 
 def find_markers(photos: Sequence[U8], state: int) -> Seen:
@@ -58,11 +67,66 @@ def find_markers(photos: Sequence[U8], state: int) -> Seen:
     seen: Seen = {}
     for index, photo in enumerate(photos):
         corners, numbers, _ = detector.detectMarkers(cv2.cvtColor(photo, cv2.COLOR_RGB2GRAY))
-        for four, number in zip(corners, () if numbers is None else numbers.ravel(), strict=True):
+        for four, number in zip(corners, () if numbers is None else np.ravel(numbers), strict=True):
             if number < COUNT:  # OpenCV counts from pixel centres, we from their corners
                 place = index, np.asarray(four, float).reshape(4, 2) + 0.5
                 seen.setdefault((state, int(number)), []).append(place)
     return seen
+
+
+def find_board(photos: Sequence[U8], state: int) -> Seen:
+    """Return (state, corner) -> [(photo, [2] pixels)] of the ChArUco board's inner corners.
+
+    Args:
+        photos: [H, W, 3] uint8, undistorted.
+        state: 0 or 1.
+    """
+    detector = cv2.aruco.CharucoDetector(charuco_board())
+    seen: Seen = {}
+    for index, photo in enumerate(photos):
+        corners, numbers, _, _ = detector.detectBoard(cv2.cvtColor(photo, cv2.COLOR_RGB2GRAY))
+        if numbers is None:
+            continue
+        for place, number in zip(np.reshape(corners, (-1, 2)), np.ravel(numbers), strict=True):
+            seen.setdefault((state, int(number)), []).append((index, place.astype(float) + 0.5))
+    return seen
+
+
+def board_scale(seen: Seen, K: F64, viewmats: tuple[F64, F64], size_m: float = SIZE_M,
+                ) -> MarkerScale | None:
+    """Return the scale of the board's corners, None where too few are seen or they do not agree.
+
+    Args:
+        seen: corners of both states (`find_board`).
+        K: [3, 3] pixels.
+        viewmats: per state [V, 4, 4] camera_from_world.
+        size_m: side of a black square, metres.
+    """
+    flat = np.asarray(charuco_board().getChessboardCorners()) * size_m / SIZE_M
+    units: list[float] = []
+    used = 0
+    for state in (0, 1):
+        placed = {number: _triangulated(np.stack([K @ viewmats[state][v][:3] for v, _ in places]),
+                                        np.stack([pixel for _, pixel in places]))
+                  for (where, number), places in seen.items()
+                  if where == state and len(places) >= FEWEST_VIEWS}
+        if len(placed) < FEWEST_CORNERS:
+            continue
+        used += len(placed)
+        units += [float(np.linalg.norm(placed[a] - placed[b]) / np.linalg.norm(flat[a] - flat[b]))
+                  for a, b in combinations(placed, 2)]
+    if not used:
+        return None
+    middle = float(np.median(units))
+    spread = float(np.median(np.abs(np.array(units) / middle - 1))) / NORMAL
+    return MarkerScale(1 / middle, used, spread, "corners") if spread <= EVENLY else None
+
+
+def charuco_board() -> cv2.aruco.CharucoBoard:
+    """Return the board, in metres."""
+    count = BOARD[0] * BOARD[1] // 2
+    return cv2.aruco.CharucoBoard(BOARD, SIZE_M, BOARD_MARKER_M, marker_dictionary(),
+                                  np.arange(BOARD_FIRST, BOARD_FIRST + count))
 
 
 def marker_scale(seen: Seen, K: F64, viewmats: tuple[F64, F64], size_m: float = SIZE_M,
@@ -140,11 +204,12 @@ def marker_bits(number: int) -> NDArray[np.bool_]:
     return np.asarray(pixels) < 128
 
 
-def write_marker_sheet(path: Path) -> None:
+def write_marker_sheet(path: Path, charuco: bool = False) -> None:
     """Write the sheet as a PDF page of A4.
 
     Args:
         path: file that ends in .pdf.
+        charuco: one chessboard with markers in its white squares, instead of single markers.
 
     Raises:
         ConfigError: another ending.
@@ -154,21 +219,41 @@ def write_marker_sheet(path: Path) -> None:
         raise ConfigError(f"marker: -o {path}. Expected a file that ends in .pdf; write "
                           "-o sheet.pdf.")
     path.parent.mkdir(parents=True, exist_ok=True)
-    write_bytes_atomic(path, _pdf(_drawing()))
+    write_bytes_atomic(path, _pdf(_drawing(list(_board_cells() if charuco else _cells()))))
 
 
-def _drawing() -> str:
-    """Return the page's drawing: black cells as rectangles, and how to print it."""
-    rows, cell = COUNT // COLUMNS, SIZE_M / 8
-    step = SIZE_M + GAP_M
+def _cells() -> Iterator[Box]:
+    """Yield the black cells of the sheet's markers."""
+    rows, step = COUNT // COLUMNS, SIZE_M + GAP_M
     left = (PAGE_M[0] - COLUMNS * SIZE_M - (COLUMNS - 1) * GAP_M) / 2
     top = (PAGE_M[1] + rows * SIZE_M + (rows - 1) * GAP_M) / 2
-    out = ["0 g"]
     for number in range(COUNT):
-        x0, y0 = left + number % COLUMNS * step, top - number // COLUMNS * step
-        for row, column in np.argwhere(marker_bits(number)):
-            box = (x0 + column * cell, y0 - (row + 1) * cell, cell, cell)
-            out.append(" ".join(f"{v * POINTS_PER_M:.3f}" for v in box) + " re")
+        yield from _marker(number, (left + number % COLUMNS * step, top - number // COLUMNS * step),
+                           SIZE_M)
+
+
+def _board_cells() -> Iterator[Box]:
+    """Yield the black squares of the board, and the cells of the markers in white ones."""
+    board = charuco_board()
+    left, top = (PAGE_M[0] - BOARD[0] * SIZE_M) / 2, (PAGE_M[1] + BOARD[1] * SIZE_M) / 2
+    black = {(x, y) for x in range(BOARD[0]) for y in range(BOARD[1])}
+    for number, corners in zip(board.getIds().ravel(), board.getObjPoints(), strict=True):
+        x, y = float(corners[0][0]), float(corners[0][1])  # upper left, y down
+        black.discard((int(x / SIZE_M), int(y / SIZE_M)))
+        yield from _marker(int(number), (left + x, top - y), BOARD_MARKER_M)
+    for column, row in sorted(black):
+        yield left + column * SIZE_M, top - (row + 1) * SIZE_M, SIZE_M, SIZE_M
+
+
+def _marker(number: int, upper_left: tuple[float, float], side: float) -> Iterator[Box]:
+    cell = side / 8
+    for row, column in np.argwhere(marker_bits(number)):
+        yield upper_left[0] + column * cell, upper_left[1] - (row + 1) * cell, cell, cell
+
+
+def _drawing(cells: Sequence[Box]) -> str:
+    """Return the page's drawing: black cells as rectangles, and how to print it."""
+    out = ["0 g", *(" ".join(f"{v * POINTS_PER_M:.3f}" for v in box) + " re" for box in cells)]
     said = (f"Print at 100 % (no scaling), measure a black square: {1000 * SIZE_M:.0f} mm. "
             "Lay it flat beside the object, in both states at the same place.")
     out.append(f"f BT /F1 9 Tf {0.02 * POINTS_PER_M:.1f} {0.015 * POINTS_PER_M:.1f} Td "

@@ -11,6 +11,7 @@ from typing import cast
 import numpy as np
 from numpy.typing import NDArray
 
+from part2gs_robotics.align.align_states import on_what_stayed
 from part2gs_robotics.config import ReadConfig
 from part2gs_robotics.errors import ConfigError, SceneError
 from part2gs_robotics.model.scene import Scene, StateViews
@@ -48,6 +49,9 @@ def read_scene(path: Path, config: ReadConfig) -> Scene:
     states = cast("tuple[StateViews, StateViews]", tuple(
         replace(state, held_out=_held_out(len(state))) for state, _ in (zero, one)))
     notes = (*notes, *(note for _, note in (zero, one) if note))
+    if config.align:
+        second, note = on_what_stayed(states, validate.common_box(states, str(path)), str(path))
+        states, notes = (states[0], second), (*notes, note)
     for index, state in enumerate(states):
         if state.depths is not None:
             check_depth(state, f"{path}: state {index}")

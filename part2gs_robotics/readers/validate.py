@@ -8,11 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from part2gs_robotics.errors import SceneError
+from part2gs_robotics.model.arrays import F64
 from part2gs_robotics.model.scene import StateViews
 from part2gs_robotics.readers.nerfstudio import PosedImage
 from part2gs_robotics.readers.silhouettes import (
     GRID,
     MASK_ON,
+    Silhouettes,
     grid_points,
     object_box,
     silhouettes,
@@ -92,9 +94,7 @@ def check_frames(states: tuple[StateViews, StateViews], where: str) -> tuple[str
     a share of their surfaces coincides. Returns a note when that share is small.
     """
     outlines = [silhouettes(state) for state in states]
-    boxes = [object_box(outline, f"{where}: state {index}")
-             for index, outline in enumerate(outlines)]
-    low, high = np.minimum(boxes[0][0], boxes[1][0]), np.maximum(boxes[0][1], boxes[1][1])
+    low, high = _both(outlines, where)
     points, cell = grid_points(low, high, GRID)
     hulls = []
     for index, outline in enumerate(outlines):
@@ -112,11 +112,27 @@ def check_frames(states: tuple[StateViews, StateViews], where: str) -> tuple[str
             f"{where}: the two states are not in one frame (their silhouette hulls overlap by "
             f"{iou:.0%}, {same:.0%} of the surface coincides). Expected a static base at one "
             f"place in both states, overlap above {MIN_HULL_IOU:.0%} and {MIN_SAME_SURFACE:.0%}; "
-            "register all photos of both states in one COLMAP run.")
+            "register all photos of both states in one COLMAP run, or try --align if they are "
+            "nearly in one.")
     if same < DOUBTFUL_SURFACE:
         return (f"Only {same:.0%} of the surface stands still between the states; if parts or "
                 "joints come out wrong, check that both states are in one frame.",)
     return ()
+
+
+def common_box(states: tuple[StateViews, StateViews], where: str) -> tuple[F64, F64]:
+    """Return corners [3] of a box that holds the object in both states.
+
+    Raises:
+        SceneError: a state's silhouettes meet nowhere.
+    """
+    return _both([silhouettes(state) for state in states], where)
+
+
+def _both(outlines: Sequence[Silhouettes], where: str) -> tuple[F64, F64]:
+    boxes = [object_box(outline, f"{where}: state {index}")
+             for index, outline in enumerate(outlines)]
+    return np.minimum(boxes[0][0], boxes[1][0]), np.maximum(boxes[0][1], boxes[1][1])
 
 
 def hull_agreement(a: Bools, b: Bools) -> tuple[float, float]:

@@ -45,6 +45,14 @@ def test_a_small_campaign_finds_nothing(fuzz, tmp_path):
         assert outcome in ("read", "refused"), (number, kind, outcome)
 
 
+def test_two_campaigns_are_added(fuzz):
+    one = json.loads(RESULTS.read_text()) | {"first_seed": 0}
+    both = fuzz.added(one, one | {"slowest_seconds": 9.0, "faults": [["x"]]})
+    assert both["cases"] == 2 * one["cases"] == sum(both["outcomes"].values())
+    assert both["slowest_seconds"] == 9.0
+    assert both["faults"] == [["x"]]
+
+
 def test_the_large_campaign_found_nothing():
     found = json.loads(RESULTS.read_text())
     assert not found["faults"] + found["crashes"] + found["slow"]

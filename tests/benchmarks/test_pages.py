@@ -24,6 +24,7 @@ TABLES = {
     ("docs/ladder.md", "ladder"): ("ladder", "ladder", "markdown"),
     ("docs/ladder.md", "incomplete"): ("incomplete", "incomplete", "markdown"),
     ("docs/losses.md", "losses"): ("losses", "losses_ranks", "markdown"),
+    ("docs/scene.md", "align"): ("align", "align", "table"),
     ("docs/masks.md", "masks"): ("masks", "masks", "table"),
     ("docs/sabotage.md", "sabotage"): ("sabotage", "sabotage", "markdown"),
     ("docs/sabotage.md", "twins"): ("sabotage_twins", "sabotage", "table_of_twins"),

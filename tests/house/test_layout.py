@@ -14,7 +14,7 @@ PACKAGE = ROOT / "part2gs_robotics"
 # Left may import right; errors and config are open to all.
 MAY = {
     "runtime": "", "model": "",
-    "readers": "model runtime", "render": "model runtime",
+    "align": "model", "readers": "align model runtime", "render": "model runtime",
     "evidence": "model runtime render", "fit": "evidence render model runtime",
     "search": "evidence model runtime", "paper": "evidence model runtime",
     "decide": "search evidence render model runtime",

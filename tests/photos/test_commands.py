@@ -13,6 +13,14 @@ def test_marker_writes_the_sheet_and_says_how_to_print_it(tmp_path, capsys):
     assert "100 %" in capsys.readouterr().out
 
 
+def test_marker_writes_a_board_too(tmp_path):
+    assert main(["marker", "--charuco", "-o", str(tmp_path / "board.pdf"), "--quiet"]) == 0
+    assert main(["marker", "-o", str(tmp_path / "sheet.pdf"), "--quiet"]) == 0
+    pages = [(tmp_path / name).read_bytes() for name in ("board.pdf", "sheet.pdf")]
+    assert pages[0].startswith(b"%PDF")
+    assert pages[0] != pages[1]
+
+
 @pytest.mark.parametrize(("words", "text"), [
     (["marker", "-o", "a.txt"], "ends in .pdf"),
     (["scene", "nothing"], "got 1 paths"),

@@ -107,3 +107,56 @@ def test_two_views_of_a_marker_are_too_few():
     views = room.walk(8, 0)
     few = {key: places[:2] for key, places in seen_from(views, 1.0).items()}
     assert markers.marker_scale(few, room.K, (views, views)) is None
+
+
+def seen_flat(page: np.ndarray, view: np.ndarray) -> np.ndarray:
+    """Return what a camera [4, 4] sees of a page that lies on z = 0, its middle at the origin."""
+    dot = 0.0254 / DPI
+    world_from_page = np.array([[dot, 0, -page.shape[1] * dot / 2],
+                                [0, -dot, page.shape[0] * dot / 2], [0, 0, 1.0]])
+    flat = view[:3][:, [0, 1, 3]] @ world_from_page
+    half = np.array([[1, 0, -0.5], [0, 1, -0.5], [0, 0, 1.0]])  # OpenCV counts from pixel centres
+    picture = cv2.warpPerspective(page, half @ room.K @ flat @ np.linalg.inv(half), room.SIZE,
+                                  flags=cv2.INTER_AREA, borderValue=120)
+    return cv2.cvtColor(picture, cv2.COLOR_GRAY2RGB)
+
+
+@pytest.fixture(scope="module")
+def board(tmp_path_factory):
+    file = tmp_path_factory.mktemp("board") / "board.pdf"
+    markers.write_marker_sheet(file, charuco=True)
+    return cv2.GaussianBlur(printed(file), (0, 0), 2.0)
+
+
+@pytest.mark.parametrize("unit", [1.0, 25.0])
+def test_photos_of_the_printed_board_give_metres(board, unit):
+    views = room.walk(8, 0, radius=0.6)
+    photos = [seen_flat(board, view) for view in views]
+    seen = markers.find_board(photos, 0)
+    assert {number for _, number in seen} == set(range(6))
+    views[:, :3, 3] /= unit  # the scene's own unit
+    found = markers.board_scale(seen, room.K, (views, views))
+    assert found is not None
+    assert found.meters_per_unit == pytest.approx(unit, rel=0.003)
+    assert found.source == "corners"
+    larger = markers.board_scale(seen, room.K, (views, views), 1.1 * markers.SIZE_M)
+    assert larger is not None
+    assert larger.meters_per_unit == pytest.approx(1.1 * found.meters_per_unit)
+
+
+def test_a_board_is_no_sheet_and_a_sheet_no_board(board, tmp_path):
+    views = room.walk(4, 0, radius=0.6)
+    assert not markers.find_markers([seen_flat(board, view) for view in views], 0)
+    markers.write_marker_sheet(tmp_path / "sheet.pdf")
+    sheet = cv2.GaussianBlur(printed(tmp_path / "sheet.pdf"), (0, 0), 2.0)
+    assert not markers.find_board([seen_flat(sheet, view) for view in views], 0)
+
+
+def test_corners_that_contradict_each_other_give_no_scale(board):
+    views = room.walk(8, 0, radius=0.6)
+    seen = markers.find_board([seen_flat(board, view) for view in views], 0)
+    rng = np.random.default_rng(0)
+    wrong = {key: [(v, rng.uniform(0, 300, 2)) for v, _ in places] for key, places in seen.items()}
+    assert markers.board_scale(wrong, room.K, (views, views)) is None
+    few = dict(list(seen.items())[:3])
+    assert markers.board_scale(few, room.K, (views, views)) is None
