@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from part2gs_robotics.model.gaussians import Splats
-from part2gs_robotics.model.kinematics import facing, part_motions
+from part2gs_robotics.model.kinematics import facing, part_motions, to_state
 from part2gs_robotics.model.se3 import inverse, inverses
 from part2gs_robotics.model.solids import bounds
 from part2gs_robotics.report.data import Picture
@@ -49,6 +49,7 @@ def pictures_of(result: BuildResult) -> tuple[Picture, ...]:
         for view in held_out:
             plain = _photo(result, index, view, "held-out view")
             out.append(replace(plain, render=_drawn(result, index, view)[..., :3],
+                               mesh=_meshes(result, index, view, plain),
                                moved=_drawn(result, index, view, moved[index])))
     return (*out, *_left(result))
 
@@ -70,6 +71,14 @@ def _photo(result: BuildResult, index: int, view: int, kind: str) -> Picture:
                    np.rint(photo).astype(np.uint8), mask=alpha[..., 0] > 0.5,
                    world_from_camera=pose,
                    fov=2 * float(np.arctan(state.height / 2 / state.Ks[view, 1, 1])))
+
+
+def _meshes(result: BuildResult, index: int, view: int, photo: Picture) -> NDArray[np.uint8]:
+    from part2gs_robotics.render.mesh_pictures import draw_meshes
+
+    twin, camera = result.twin, result.scene.states[index].camera(view)
+    placed = replace(camera, viewmat=inverse(np.asarray(photo.world_from_camera)))
+    return draw_meshes([part.mesh for part in twin.parts], to_state(twin, index), placed)
 
 
 def _drawn(result: BuildResult, index: int, view: int,

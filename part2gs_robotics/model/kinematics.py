@@ -47,9 +47,14 @@ def part_transforms(twin: Twin, positions: Sequence[float]) -> list[F64]:
 
 def at_state_1(twin: Twin) -> list[F64]:
     """Return [V, 3] places of every part's vertices in state 1."""
-    values = [joint.value for i in moving_parts(twin) if (joint := twin.parts[i].joint) is not None]
     return [part.mesh.vertices @ move[:3, :3].T + move[:3, 3]
-            for part, move in zip(twin.parts, part_transforms(twin, values), strict=True)]
+            for part, move in zip(twin.parts, to_state(twin, 1), strict=True)]
+
+
+def to_state(twin: Twin, state: int) -> list[F64]:
+    """Return per part [4, 4] world_at_a_state_from_world_at_0."""
+    values = [joint.value for i in moving_parts(twin) if (joint := twin.parts[i].joint) is not None]
+    return part_transforms(twin, [state * value for value in values])
 
 
 def facing(twin: Twin) -> F64:

@@ -26,6 +26,7 @@ class Picture:
         photo: [H, W, 3 or 4] uint8.
         render: [H, W, 3 or 4] uint8 its own state's Gaussians, of a photo that no fit has seen;
             None = a photo to look at.
+        mesh: [H, W, 3] uint8 the twin's textured meshes there, of the same photos.
         moved: [H, W, 4] uint8 the other state's Gaussians, moved by the joints, over white, and
             what they cover.
         mask: [H, W] bool where the photo shows the object.
@@ -38,6 +39,7 @@ class Picture:
     state: int
     photo: NDArray[np.uint8]
     render: NDArray[np.uint8] | None = None
+    mesh: NDArray[np.uint8] | None = None
     moved: NDArray[np.uint8] | None = None
     mask: NDArray[np.bool_] | None = None
     world_from_camera: F64 | None = None

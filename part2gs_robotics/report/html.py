@@ -22,6 +22,10 @@ from part2gs_robotics.report.unexplained import marked, unexplained
 from part2gs_robotics.report.verdict import incomplete
 
 _VERDICTS = {0: ("pass", "built, checks pass"), 1: ("fail", "built, checks fail")}  # by exit code
+_CHOICE = (
+    '<fieldset><legend>render of</legend><label><input type="radio" name="wiped" value="splats" '
+    'checked> Gaussians</label><label><input type="radio" name="wiped" value="mesh"> textured '
+    "meshes</label></fieldset>")
 _TALL = 14  # rows above which a list starts folded
 
 
@@ -105,8 +109,11 @@ def _section(title: str, body: str) -> str:
 def _pictures(data: ReportData) -> str:
     body = "".join(_wipe(i, picture, picture.render) for i, picture in enumerate(data.pictures)
                    if picture.render is not None)
-    hint = ('<p class="muted">Photos that no fit has seen, beside what the fitted Gaussians show '
-            "there. Move the line: photo to its left, render to its right.</p>")
+    hint = ('<p class="muted">Photos that no fit has seen, beside what the fitted Gaussians, or '
+            "the twin's textured meshes, show there. Move the line: photo to its left, render to "
+            "its right.</p>")
+    if any(picture.mesh is not None for picture in data.pictures):
+        hint += _CHOICE
     return f'{hint}<div class="pictures">{body}</div>' if body else ""
 
 
@@ -115,11 +122,17 @@ def _wipe(index: int, picture: Picture, render: NDArray[np.uint8]) -> str:
     caption = escape(picture.caption)
     return (
         f'<figure><div class="wipe"><img alt="photo" src="{png_uri(picture.photo)}">'
-        f'<img alt="render" class="over" src="{png_uri(render)}">'
+        f'<img alt="render" class="over splats" src="{png_uri(render)}">{_mesh(picture)}'
         '<input type="range" min="0" max="100" value="50" '
         f'aria-label="share of the photo shown, {caption}"></div>'
         f"<figcaption>{caption} {photo_button(index, picture)}</figcaption></figure>"
     )
+
+
+def _mesh(picture: Picture) -> str:
+    if picture.mesh is None:
+        return ""
+    return f'<img alt="render of the meshes" class="over mesh" src="{png_uri(picture.mesh)}">'
 
 
 def _unexplained(data: ReportData) -> str:

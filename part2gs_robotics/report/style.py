@@ -98,6 +98,9 @@ figure { margin: 0; }
 .wipe input { display: none; }
 .js .wipe { display: block; }
 .js .wipe .over { position: absolute; inset: 0; clip-path: inset(0 0 0 var(--at)); }
+.wipe .mesh, section:has([name="wiped"][value="mesh"]:checked) .wipe:has(.mesh) .splats {
+  display: none; }
+section:has([name="wiped"][value="mesh"]:checked) .wipe .mesh { display: block; }
 .js .wipe::after { content: ""; position: absolute; top: 0; bottom: 0; left: var(--at); width: 2px;
   background: var(--focus); pointer-events: none; }
 .js .wipe::before { content: "↔"; position: absolute; z-index: 1; top: 50%; left: var(--at);

@@ -29,7 +29,8 @@ def page(folder: Path) -> Path:
     pose = np.eye(4)
     pose[:3, :3] = [[0, 0, -1], [1, 0, 0], [0, -1, 0]]  # looks along -x, z up
     pose[:3, 3] = (3.0, 0.3, 0.4)
-    pictures = tuple(Picture(f"state {state}", state, photo, photo, world_from_camera=pose, fov=0.8)
+    pictures = tuple(Picture(f"state {state}", state, photo, photo, photo // 2,
+                             world_from_camera=pose, fov=0.8)
                      for state in (0, 1))
     write_report(folder, ReportData("cabinet", "artgs", 0, TWIN, pictures=pictures))
     return folder / "report.html"
@@ -100,6 +101,14 @@ def test_the_wipe_follows_its_slider_and_the_view_a_photo(browser: Browser) -> N
     centre = np.array(browser.run("twin.data.centre"))
     assert eye[0] == pytest.approx(3.0 - centre[0])
     np.testing.assert_allclose(eye[1:3], [0.0, np.degrees(0.8)], atol=1e-9)
+
+
+def test_the_wipe_shows_gaussians_or_meshes_as_chosen(browser: Browser) -> None:
+    seen = """[...document.querySelectorAll('.wipe .over')].filter(
+        image => getComputedStyle(image).display !== 'none').map(image => image.alt)"""
+    for value, name in (("mesh", "render of the meshes"), ("splats", "render")):
+        browser.run(f"document.querySelector('[name=wiped][value={value}]').click()")
+        assert browser.run(seen) == [name, name]
 
 
 @pytest.mark.parametrize(("width", "phone"), [(1280, False), (390, True), (320, True)])
