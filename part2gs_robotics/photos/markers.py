@@ -237,7 +237,7 @@ def _board_cells() -> Iterator[Box]:
     board = charuco_board()
     left, top = (PAGE_M[0] - BOARD[0] * SIZE_M) / 2, (PAGE_M[1] + BOARD[1] * SIZE_M) / 2
     black = {(x, y) for x in range(BOARD[0]) for y in range(BOARD[1])}
-    for number, corners in zip(board.getIds().ravel(), board.getObjPoints(), strict=True):
+    for number, corners in zip(np.ravel(board.getIds()), board.getObjPoints(), strict=True):
         x, y = float(corners[0][0]), float(corners[0][1])  # upper left, y down
         black.discard((int(x / SIZE_M), int(y / SIZE_M)))
         yield from _marker(int(number), (left + x, top - y), BOARD_MARKER_M)
