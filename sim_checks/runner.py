@@ -239,7 +239,6 @@ def _run(report: CheckReport, models: Models, summary: TwinSummary | None, wante
     from part2gs_robotics.sim_checks.actuation import check_actuation
     from part2gs_robotics.sim_checks.blocking import check_combinations
     from part2gs_robotics.sim_checks.interpenetration import check_interpenetration
-    from part2gs_robotics.sim_checks.motors import check_motors
     from part2gs_robotics.sim_checks.order import in_order
     from part2gs_robotics.sim_checks.passive import check_passive
     from part2gs_robotics.sim_checks.self_intersection import check_self_intersections, warnings_of
@@ -261,8 +260,7 @@ def _run(report: CheckReport, models: Models, summary: TwinSummary | None, wante
     table = static.pieces_table(still) if "overlap" in wanted else []
     rows += static.check_pieces(still, table)
     stuck = {r.subject for r in rows if r.name == "reach" and r.status == "fail"}
-    if "stability" in wanted:
-        rows += _servos(driven, stuck, extent.stress) + check_motors(driven, Path(report.path))
+    rows += _servos(driven, stuck, (extent.stress, report.path)) if "stability" in wanted else []
     rows += check_passive(still) if "passive" in wanted and models.passive else []
     return CheckReport(
         report.path,
@@ -277,15 +275,18 @@ def _run(report: CheckReport, models: Models, summary: TwinSummary | None, wante
     )
 
 
-def _servos(driven: Subject, stuck: set[str], stress: bool) -> list[CheckResult]:
-    """Return what servos make of steps, gains, drives and rest."""
+def _servos(driven: Subject, stuck: set[str], how: tuple[bool, str]) -> list[CheckResult]:
+    """Return what servos make of steps, gains, drives and rest; how: long rows, and the path."""
     from part2gs_robotics.sim_checks.actuation import theirs
+    from part2gs_robotics.sim_checks.motors import check_motors
     from part2gs_robotics.sim_checks.response import check_response
     from part2gs_robotics.sim_checks.rest import check_rest
     from part2gs_robotics.sim_checks.stability import check_stability
 
+    stress, path = how
     return theirs(driven, [*check_stability(driven, stuck, stress),
-                           *check_response(driven, stuck, stress), *check_rest(driven, stress)])
+                           *check_response(driven, stuck, stress), *check_rest(driven, stress),
+                           *check_motors(driven, Path(path))])
 
 
 def _notes(subject: Subject, passive: bool, wanted: set[str]) -> tuple[str, ...]:
