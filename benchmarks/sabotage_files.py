@@ -9,6 +9,7 @@ import numpy as np
 from sabotage_tools import (
     Deed,
     Kind,
+    NotHereError,
     drop,
     edit_xml,
     faces,
@@ -209,7 +210,9 @@ def _yaml_joints() -> list[Kind]:
 
 
 def _move_hinge(tree: Any) -> None:
-    hinge = next(j for j in tree["joints"] if j["type"] == "revolute")
+    hinge = next((j for j in tree["joints"] if j["type"] == "revolute"), None)
+    if hinge is None:
+        raise NotHereError("a hinge")
     hinge["origin"]["value"] = [x + 0.01 for x in hinge["origin"]["value"]]
 
 
