@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 DEEP = 2.0  # of the size that the ground may lie below the twin; ours is just clear of it
 LEVEL = 0.9999  # cosine between ground and gravity: 0.8 degrees, on which nothing rolls
-REACH = 9  # positions of every joint at which it is looked for what stands in the way
+REACH = 129  # positions of every joint: 1.4 degrees of half a turn, 8 mm at 0.35 m
 
 
 def clear_world(model: mujoco.MjModel) -> list[CheckResult]:
@@ -25,7 +25,7 @@ def clear_world(model: mujoco.MjModel) -> list[CheckResult]:
     data = mujoco.MjData(model)
     for name, qpos in _poses(model):
         data.qpos[:] = qpos
-        mujoco.mj_forward(model, data)
+        mujoco.mj_fwdPosition(model, data)
         for c in range(data.ncon):
             geoms = [int(g) for g in data.contact[c].geom]
             if 0 in [int(model.geom_bodyid[g]) for g in geoms]:
