@@ -93,9 +93,8 @@ def _build(call: Call) -> int:
 
     scene, flags = Path(call.paths[0]), call.flags
     if len(call.paths) == 2:  # plain photos, or videos
-        first, config = scene, resolve(flags)
-        out = output_folder(first, config.output.out)
-        scene = scene_of_photos((first, Path(call.paths[1])), out, config)
+        out = output_folder(scene, (config := resolve(flags)).output.out)
+        scene = scene_of_photos((scene, Path(call.paths[1])), out, config)
         flags = settings_for(flags, read_scene_yaml(scene)) | {"out": str(out)}
     return build(scene, resolve(flags, read_scene_yaml(scene), str(scene / "scene.yaml")))
 
@@ -115,10 +114,9 @@ def _batch(call: Call) -> int:
                          cast(int, given["retries"]), words_of(forwarded, available),
                          bool(given["quiet"]), bool(given["verbose"]))
     rows, pages = run_batch([Path(path) for path in call.paths], wishes)
-    good = all(row.outcome == "built" for row in rows)
     _say(call, {"rows": [asdict(row) for row in rows], "files": list(map(str, pages))},
          f"{counts(rows)}; {', '.join(map(str, pages))}\n")
-    return OK if good else FAILED
+    return OK if all(row.outcome == "built" for row in rows) else FAILED
 
 
 def _check(call: Call) -> int:
