@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 RESULTS = Path(__file__).resolve().parents[2] / "benchmarks/results"
-EVERY = 9  # of the kinds: all of them take minutes
+EVERY = 13  # of the kinds: all of them take minutes
 
 
 @pytest.fixture(scope="module")
@@ -17,7 +17,7 @@ def clean(tmp_path_factory):
     return tmp_path_factory.mktemp("sabotage")
 
 
-def test_every_ninth_kind_is_caught_again_as_stored(load, clean) -> None:
+def test_every_thirteenth_kind_is_caught_again_as_stored(load, clean) -> None:
     sabotage = load("sabotage")
     twin = sabotage.cabinet(clean / "cabinet")
     stored = {r["kind"]: r for r in json.loads((RESULTS / "sabotage.json").read_text())[0]["rows"]}
