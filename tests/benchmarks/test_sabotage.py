@@ -21,8 +21,12 @@ def test_every_thirteenth_kind_is_caught_again_as_stored(load, clean) -> None:
     sabotage = load("sabotage")
     twin = sabotage.cabinet(clean / "cabinet")
     stored = {r["kind"]: r for r in json.loads((RESULTS / "sabotage.json").read_text())[0]["rows"]}
-    assert set(stored) == {k.name for k in sabotage.KINDS}
-    for kind in sabotage.KINDS[::EVERY]:
+    assert set(stored) <= {k.name for k in sabotage.KINDS}
+    for kind in sabotage.KINDS:
+        if kind.name not in stored:  # of two textures, for one: other twins have them
+            with pytest.raises(load("sabotage_tools").NotHereError):
+                kind.deed(twin)
+    for kind in [k for k in sabotage.KINDS if k.name in stored][::EVERY]:
         copy = clean / "broken"
         shutil.rmtree(copy, ignore_errors=True)
         shutil.copytree(twin, copy)
