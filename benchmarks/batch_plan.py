@@ -42,7 +42,8 @@ def plan(found: dict[str, object]) -> dict[str, float]:
     """Return the figures of the plan."""
     rows = found["suite"]["rows"]
     build = sum(row["seconds"] for row in rows) / len(rows)
-    photos = sum(row["seconds"] for row in found["photos"]) / len(found["photos"])
+    taken = [row["seconds"] for row in found["photos"] if row["seconds"] is not None]
+    photos = sum(taken) / len(taken)
     whole = [row for row in rows if row["exit"] == 0 and row["parts_found"] == row["parts_true"]
              and not row["parts_extra"]]
     size = found["batch_plan"]

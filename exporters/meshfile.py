@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import xml.etree.ElementTree as ET
+from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -20,6 +21,8 @@ from part2gs_robotics.runtime.atomic import write_bytes_atomic, write_error
 NAME = re.compile(r"[a-z0-9_]+\Z")  # bare names every simulator and package tool accepts
 CREASE = np.cos(np.deg2rad(30.0))  # faces farther apart form an edge; Blender's default as well
 ASSETS = "assets"  # folder of meshes and pictures, as in MuJoCo Menagerie
+KEPT_BYTES = 1 << 16  # files up to that are parsed once: a check reads every piece three times
+KEPT_FILES = 512  # of them, twice the pieces of a large twin
 MAX_OBJ_BYTES = 1 << 30  # five million triangles with texture take 600 MB
 MOST_PIXELS = 16384  # a side; the largest texture graphics cards take
 FARTHEST = 1e18  # scene units: float32, which every engine takes, still squares it
@@ -197,14 +200,10 @@ def read_obj(path: Path, image: NDArray[np.uint8] | None = None,
     if path.stat().st_size > MAX_OBJ_BYTES:
         raise CheckError(f"{path}: larger than {MAX_OBJ_BYTES >> 20} MB. Needed a mesh of a few "
                          "million triangles at most; simplify it.")
-    rows: dict[str, list[str]] = {"v": [], "vt": [], "f": []}
-    for line in path.read_bytes().decode("ascii", "replace").splitlines():
-        key, _, rest = line.partition(" ")
-        if key in rows:
-            rows[key].append(rest)
+    data = path.read_bytes()
     try:
-        points, uv = _table(rows["v"], (6, 3)), _table(rows["vt"], (2, 3))
-        corners = _corners(rows["f"], (len(points), len(uv)))
+        read = _kept_numbers if len(data) <= KEPT_BYTES else _numbers
+        points, uv, corners = (array.copy() for array in read(data))
     except (ValueError, OverflowError) as error:  # 400 digits are no index
         raise CheckError(f"{path}: is not a mesh of triangles ({str(error)[:120]}). Needed OBJ "
                          "with `v x y z` and faces of three corners; export it as triangles."
@@ -216,6 +215,20 @@ def read_obj(path: Path, image: NDArray[np.uint8] | None = None,
     if image is not None and corners.shape[2] > 1 and len(uv):
         texture = Texture(uv[corners[..., 1], :2].astype(np.float32), image)
     return PartMesh(points[:, :3], corners[..., 0], colors.astype(np.uint8), synthesised, texture)
+
+
+def _numbers(data: bytes) -> tuple[F64, F64, NDArray[np.int64]]:
+    """Return places with colours, texture coordinates, and the corners of faces."""
+    rows: dict[str, list[str]] = {"v": [], "vt": [], "f": []}
+    for line in data.decode("ascii", "replace").splitlines():
+        key, _, rest = line.partition(" ")
+        if key in rows:
+            rows[key].append(rest)
+    points, uv = _table(rows["v"], (6, 3)), _table(rows["vt"], (2, 3))
+    return points, uv, _corners(rows["f"], (len(points), len(uv)))
+
+
+_kept_numbers = lru_cache(maxsize=KEPT_FILES)(_numbers)
 
 
 def _table(rows: list[str], widths: tuple[int, ...]) -> F64:
@@ -234,9 +247,13 @@ def _corners(rows: list[str], counts: tuple[int, int]) -> NDArray[np.int64]:
     words = " ".join(rows).split()
     if len(words) != 3 * len(rows) or not rows:
         raise ValueError(f"{len(words)} corners in {len(rows)} faces")
-    fields = [word.split("/")[:2] for word in words]
-    both = all(len(field) == 2 and field[1] for field in fields)
-    found = np.array([field if both else field[:1] for field in fields]).astype(np.int64) - 1
+    slashes = {word.count("/") for word in words}
+    if slashes <= {0}:  # what has a texture has both, most has none: parsed in one go
+        found = np.array(words).astype(np.int64)[:, None] - 1
+    else:
+        fields = [word.split("/")[:2] for word in words]
+        both = all(len(field) == 2 and field[1] for field in fields)
+        found = np.array([field if both else field[:1] for field in fields]).astype(np.int64) - 1
     if (found < 0).any() or (found >= np.array(counts[:found.shape[1]])).any():
         raise ValueError("a face names a vertex that does not exist")
     return found.reshape(len(rows), 3, -1)

@@ -26,6 +26,7 @@ from part2gs_robotics.evidence.study import Study, gather
 from part2gs_robotics.joints.align import judged
 from part2gs_robotics.joints.labels import final_labels, labels_under, part_probs, start_labels
 from part2gs_robotics.joints.settle import Photos, Views, aligned, problem_of, settle
+from part2gs_robotics.model.arrays import F64
 from part2gs_robotics.model.joint import Joint
 from part2gs_robotics.model.motion import Motion
 from part2gs_robotics.model.scene import Scene
@@ -145,10 +146,10 @@ def settled_motion(scene: Scene, found: Found, config: ArticulateConfig,
     if config.alignment and not config.paper_mode:
         sharp = both_small(scene.states, search.align_views, search.sharp_side)
         end = _settled(judge, pulled, Photos(small, sharp), config, found.pool)
-    saves = (math.nan,) * len(end) if config.paper_mode else saved(judge, end)
     clock.tick("alignment", 4, len(end))
-    hard, costs = final_labels(judge, end, config)
-    end = replace(end, labels=hard)
+    end, costs = _with_bodies(judge, end, config)
+    hard = end.labels
+    saves = (math.nan,) * len(end) if config.paper_mode else saved(judge, end)
     probs = part_probs(study, end, costs, config)
     diagnostics, notes = part_diagnostics(study, end.motions, hard, config.paper_mode)
     diagnostics = tuple({**row, **(kept[n - 1] if n else {}), "prices_saved": gap}
@@ -157,6 +158,21 @@ def settled_motion(scene: Scene, found: Found, config: ArticulateConfig,
     alone = tuple(replace(j, carrier=None) for j in end.motions)  # the parents say it from here on
     notes = (*notes, *_about_number(config.parts, len(end), found.short, saves))
     return Motion(probs, alone, end.parents, diagnostics, notes, clock.seconds)
+
+
+def _with_bodies(judge: Judge, found: Candidate, config: ArticulateConfig,
+                 ) -> tuple[Candidate, F64]:
+    """Return a candidate with its last labels, without motions that no surfel has, and costs.
+
+    Such a motion explains nothing, so the set without it is cheaper by its price.
+    """
+    hard, costs = final_labels(judge, found, config)
+    bare = [k for k in range(len(found)) if not (hard == k + 1).any()
+            and k + 1 not in found.parents]
+    if not bare or len(found) == 1 or config.parts or config.paper_mode:  # a number was asked for
+        return replace(found, labels=hard), costs
+    logger.info("part %d: no surface moves with it once labels are settled; left out", bare[0] + 1)
+    return _with_bodies(judge, found.without(bare[0]), config)
 
 
 def _pulled(found: Found, config: ArticulateConfig, views: Views,

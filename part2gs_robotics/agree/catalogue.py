@@ -35,7 +35,7 @@ CHECKS = {
     "same twin": _x("twin_actuated.xml is twin.xml with servos", CONTRACT,
                     "make both files say the same, or build the twin again"),
     "mesh": _x("every visual mesh is a closed solid whose faces look outwards",
-               "manifold3d and trimesh agree",
+               "manifold3d and its edges agree",
                "restore or repair the visual mesh in assets/: close its holes, turn its faces out"),
     "self-intersection": _x("faces of one mesh do not cut each other", "a warning only",
                             "nothing, or build with another --resolution"),

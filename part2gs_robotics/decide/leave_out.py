@@ -77,8 +77,10 @@ def kinds_chosen(judge: Judge, new: Candidate, old: Candidate) -> Candidate:
 
 
 def joint_of(judge: Judge, found: Candidate, k: int) -> Joint:
-    """Return the joint that explains the surfels of motion k best."""
+    """Return the joint that explains the surfels of motion k best; the motion where it has none."""
     study, h = judge.study, found.motions[k]
-    joint = choose_joint(h, study.own(found.labels, k + 1), judge.lands, study.tau, study.diag,
-                         judge.confidence(found, k))
+    own = study.own(found.labels, k + 1)
+    if not len(own[0]) + len(own[1]):  # labels moved on: the set without it is cheaper, and wins
+        return h
+    joint = choose_joint(h, own, judge.lands, study.tau, study.diag, judge.confidence(found, k))
     return replace(joint, carrier=h.carrier)

@@ -110,8 +110,7 @@ def _pictures(data: ReportData) -> str:
     body = "".join(_wipe(i, picture, picture.render) for i, picture in enumerate(data.pictures)
                    if picture.render is not None)
     hint = ('<p class="muted">Photos that no fit has seen, beside what the fitted Gaussians, or '
-            "the twin's textured meshes, show there. Move the line: photo to its left, render to "
-            "its right.</p>")
+            "the twin's textured meshes, show there: photo left of the line, render right.</p>")
     if any(picture.mesh is not None for picture in data.pictures):
         hint += _CHOICE
     return f'{hint}<div class="pictures">{body}</div>' if body else ""

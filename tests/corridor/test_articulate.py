@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import pytest
 
@@ -126,5 +128,5 @@ def test_a_wrong_number_of_parts_is_told(asked, found, short, words):
 
 
 def test_parts_that_gain_too_little_are_named():
-    (note,) = _about_number(4, 4, False, [2, 3])
+    (note,) = _about_number(4, 4, False, [2.0, -0.5, 0.0, math.nan])
     assert "4 moving parts; part_2, part_3 would not be found" in note

@@ -25,7 +25,7 @@ def seen(rng: np.random.Generator) -> Picture:
     mask = np.zeros((60, 60), bool)
     mask[10:50, 10:50] = True
     moved = np.concatenate([photo, 255 * mask[..., None].astype(np.uint8)], -1)
-    return Picture("state 1", 1, photo, photo, moved, mask)
+    return Picture("state 1", 1, photo, photo, moved=moved, mask=mask)
 
 
 @pytest.fixture
