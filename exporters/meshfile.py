@@ -203,7 +203,7 @@ def read_obj(path: Path, image: NDArray[np.uint8] | None = None,
     data = path.read_bytes()
     try:
         read = _kept_numbers if len(data) <= KEPT_BYTES else _numbers
-        points, uv, corners = (array.copy() for array in read(data))
+        points, uv, corners = read(data)
     except (ValueError, OverflowError) as error:  # 400 digits are no index
         raise CheckError(f"{path}: is not a mesh of triangles ({str(error)[:120]}). Needed OBJ "
                          "with `v x y z` and faces of three corners; export it as triangles."
@@ -214,7 +214,8 @@ def read_obj(path: Path, image: NDArray[np.uint8] | None = None,
     texture = None
     if image is not None and corners.shape[2] > 1 and len(uv):
         texture = Texture(uv[corners[..., 1], :2].astype(np.float32), image)
-    return PartMesh(points[:, :3], corners[..., 0], colors.astype(np.uint8), synthesised, texture)
+    return PartMesh(points[:, :3].copy(), corners[..., 0].copy(), colors.astype(np.uint8),
+                    synthesised, texture)
 
 
 def _numbers(data: bytes) -> tuple[F64, F64, NDArray[np.int64]]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import struct
+from contextlib import suppress
 from pathlib import Path
 
 import cv2
@@ -15,6 +16,8 @@ from part2gs_robotics.readers.lenses import Lens
 MAX_SIDE = 8192  # largest side of a phone photo today is about 8,000 px
 MAX_PIXELS = 40_000_000  # 40 MP RGBA is 160 MB decoded: the most one image may cost
 HEADER_BYTES = 1 << 20  # JPEG metadata before the size marker stays far below 1 MiB
+MOST_BYTES = 8  # of a PNG's pixel: four channels of 16 bits
+PACKED = 1.01  # of its raw pixels: what cannot be packed grows by less than 0.1 %
 PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
 # JPEG markers that carry the frame size: SOF0..SOF15 without DHT (C4), JPG (C8) and DAC (CC)
 SOF_MARKERS = frozenset(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}
@@ -114,16 +117,25 @@ def _jpeg_size(head: bytes) -> tuple[int, int] | None:
 
 def decode(path: Path) -> NDArray[np.generic]:
     """Return the pixels as stored, [H, W] or [H, W, C] in BGR(A) order, 8 or 16 bit."""
-    image_size(path)
-    data = np.frombuffer(path.read_bytes(), np.uint8)
-    try:
-        pixels = cv2.imdecode(data, cv2.IMREAD_UNCHANGED)
-    except cv2.error:
-        pixels = None
+    size, data = image_size(path), path.read_bytes()
+    pixels = None
+    if not _overfull(data, size):
+        with suppress(cv2.error):
+            pixels = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
     if pixels is None:
         raise SceneError(f"{path}: the header is valid but the pixels cannot be decoded (truncated "
                          "or corrupt). Expected a complete PNG or JPEG file; export it again.")
     return np.asarray(pixels)
+
+
+def _overfull(data: bytes, size: tuple[int, int]) -> bool:
+    """Say whether a PNG packs more than its pixels can be: a bomb is inflated for seconds."""
+    at, packed = len(PNG_SIGNATURE), 0
+    while data.startswith(PNG_SIGNATURE) and at + 8 <= len(data):
+        length = int.from_bytes(data[at:at + 4], "big")
+        packed += length * (data[at + 4:at + 8] == b"IDAT")
+        at += length + 12  # its length, name and checksum
+    return packed > PACKED * size[1] * (MOST_BYTES * size[0] + 1) + HEADER_BYTES // 1024
 
 
 def read_rgba(path: Path) -> tuple[U8, U8 | None]:
