@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     import mujoco
     from manifold3d import Manifold
 
+SINGLE = 2.0**-23  # of the farthest coordinate: engines keep meshes in single precision
 LIMIT = 0.002  # of the size: 2 mm on a metre, the noise of a good reconstruction
 OTHERS = 5.0  # x the limit: a shallower overlap in assets of others warns; servos tell if it jams
 Pair = tuple[int, int]
@@ -70,8 +71,10 @@ class Poser:
     def overlaps(self, pairs: list[Pair]) -> dict[Pair, Overlap]:
         """Return the exact intersection of body pairs that overlap at the current pose."""
         at = {b: self.placed(b) for b in {b for p in pairs for b in p}}
-        thin = FLAKE * self.subject.size
-        found = {p: overlap(at[p[0]], at[p[1]], thin) for p in pairs}
+        thin = {b: max(FLAKE * self.subject.size, SINGLE * np.abs(solid.bounding_box()).max())
+                for b, solid in at.items() if not solid.is_empty()}
+        found = {p: overlap(at[p[0]], at[p[1]], min(thin[p[0]], thin[p[1]]))
+                 for p in pairs if thin.keys() >= set(p)}
         return {p: o for p, o in found.items() if o.solid is not None}
 
     def contact_depth(self, moved: frozenset[int]) -> float:
