@@ -11,8 +11,6 @@ of docs/ladder.md is made anew from benchmarks/results/ladder.json.
 
 from __future__ import annotations
 
-import argparse
-import json
 import sys
 import time
 from collections.abc import Sequence
@@ -20,7 +18,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from ladder_truth import Known, iou, known
+from ladder_truth import Known, iou, known, remade
 from reconstruction_suite import git, published
 
 from part2gs_robotics.articulate import found_motions
@@ -38,19 +36,8 @@ NEAR, SHARED = 0.03, 0.3  # of the diagonal, and IoU: a motion further off is no
 
 def main() -> int:
     """Climb the ladder of what is there, store the numbers, and write the table."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--work", type=Path, nargs="+", default=[], help="folders of the suite")
-    parser.add_argument("--objects", nargs="+", help="only these")
-    args = parser.parse_args()
-    rows = {r["object"]: r for r in json.loads(RESULTS.read_text())} if RESULTS.exists() else {}
-    for work in args.work:
-        for fit in sorted(work.glob("runs/*/*/stages/02_fit_1/manifest.json")):
-            out = fit.parents[2]
-            if args.objects and out.name not in args.objects:
-                continue
-            scene = work / "scenes" / out.parent.name / out.name
-            rows[out.name] = climbed(known(out.name, out, scene))
-            RESULTS.write_text(json.dumps([rows[n] for n in sorted(rows)], indent=1) + "\n")
+    rows = remade(__doc__.splitlines()[0], RESULTS, "02_fit_1",
+                  lambda *place: climbed(known(*place)))
     return published(rows, RESULTS, (PAGE, *MARKS), markdown)
 
 

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import argparse
 import json
+import sys
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -20,6 +23,32 @@ from part2gs_robotics.model.scene_frame import SceneFrame, frame_of, internal
 from part2gs_robotics.readers.read_scene import read_scene
 from part2gs_robotics.runtime.store import read_stage
 from part2gs_robotics.stages import load_fit, load_motion
+
+
+def remade(purpose: str, results: Path, stage: str,
+           measure: Callable[[str, Path, Path], dict[str, Any]]) -> dict[str, dict[str, Any]]:
+    """Return rows by object: those stored, and those of the builds that the command line names.
+
+    Args:
+        purpose: of the script, for its help.
+        results: JSON of rows, written after each.
+        stage: that a build must have finished.
+        measure: (object, folder of its build, its scene) to its row.
+    """
+    parser = argparse.ArgumentParser(description=purpose)
+    parser.add_argument("--work", type=Path, nargs="+", default=[], help="folders of the suite")
+    parser.add_argument("--objects", nargs="+", help="only these")
+    args = parser.parse_args()
+    rows = {r["object"]: r for r in json.loads(results.read_text())} if results.exists() else {}
+    for work in args.work:
+        for file in sorted(work.glob(f"runs/*/*/stages/{stage}/manifest.json")):
+            out = file.parents[2]
+            if not args.objects or out.name in args.objects:
+                scene = work / "scenes" / out.parent.name / out.name
+                rows[out.name] = measure(out.name, out, scene)
+                sys.stderr.write(f"{rows[out.name]}\n")
+                results.write_text(json.dumps([rows[n] for n in sorted(rows)], indent=1) + "\n")
+    return rows
 
 
 @dataclass(frozen=True)

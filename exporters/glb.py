@@ -16,8 +16,7 @@ from part2gs_robotics.exporters.mjcf import joint_name
 from part2gs_robotics.model import se3
 from part2gs_robotics.model.arrays import F64
 from part2gs_robotics.model.kinematics import children, moves
-from part2gs_robotics.model.solids import corner_normals
-from part2gs_robotics.model.twin import Part, Twin
+from part2gs_robotics.model.twin import Part, Twin, corner_normals
 from part2gs_robotics.runtime.atomic import write_bytes_atomic
 
 FLOAT, UNSIGNED = 5126, 5125  # component types of glTF

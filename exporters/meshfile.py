@@ -14,8 +14,8 @@ from part2gs_robotics.errors import CheckError, ExportError
 from part2gs_robotics.exporters.xmlio import add
 from part2gs_robotics.model.arrays import F64
 from part2gs_robotics.model.gaussians import Gaussians
-from part2gs_robotics.model.solids import GREY, corner_normals
-from part2gs_robotics.model.twin import Part, PartMesh, Texture, Twin
+from part2gs_robotics.model.solids import GREY
+from part2gs_robotics.model.twin import Part, PartMesh, Texture, Twin, corner_normals
 from part2gs_robotics.runtime.atomic import write_bytes_atomic, write_error
 
 NAME = re.compile(r"[a-z0-9_]+\Z")  # bare names every simulator and package tool accepts

@@ -23,7 +23,7 @@ from part2gs_robotics.model.joint import Joint
 from part2gs_robotics.model.kinematics import children, moves
 from part2gs_robotics.model.se3 import quat_from_rotation
 from part2gs_robotics.model.solids import bounds, box_of
-from part2gs_robotics.model.twin import Part, PartMesh, Twin
+from part2gs_robotics.model.twin import COLLIDES_GROUP, SEEN_GROUP, Part, PartMesh, Twin
 
 
 def write_mjcf(twin: Twin, folder: Path) -> list[Path]:
@@ -76,12 +76,13 @@ def _defaults(root: ET.Element, twin: Twin) -> None:
     add(own, "joint", solreflimit=(0.008, 1), solimplimit=(0.95, 0.99, 0.001))
     visual = add(own, "default", class_=f"{twin.name}_visual")
     add(visual, "mesh", inertia="exact")
-    add(visual, "geom", type="mesh", group="2", contype="0", conaffinity="0", mass=0)
+    add(visual, "geom", type="mesh", group=str(SEEN_GROUP), contype="0", conaffinity="0", mass=0)
     collision = add(own, "default", class_=f"{twin.name}_collision")
     add(collision, "mesh", inertia="convex")
     # positive solref only: a negative one bypasses the engine's stability clamp
     pale = (0.2, 0.6, 0.9, 0.4)
-    add(collision, "geom", type="mesh", group="3", mass=0, solref=(0.008, 1), rgba=pale)
+    add(collision, "geom", type="mesh", group=str(COLLIDES_GROUP), mass=0, solref=(0.008, 1),
+        rgba=pale)
 
 
 def _body(parent: ET.Element, twin: Twin, physics: Physics, index: int) -> None:

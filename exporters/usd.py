@@ -22,8 +22,7 @@ from part2gs_robotics.exporters.mjcf import joint_name
 from part2gs_robotics.model import se3
 from part2gs_robotics.model.arrays import F64
 from part2gs_robotics.model.kinematics import moves
-from part2gs_robotics.model.solids import corner_normals
-from part2gs_robotics.model.twin import Part, PartMesh, Twin
+from part2gs_robotics.model.twin import Part, PartMesh, Twin, corner_normals
 from part2gs_robotics.runtime.atomic import write_bytes_atomic
 
 if TYPE_CHECKING:

@@ -9,13 +9,12 @@ import numpy as np
 
 from part2gs_robotics.model.arrays import F64
 from part2gs_robotics.model.solids import defect, thickness, to_manifold
-from part2gs_robotics.model.twin import PartMesh
+from part2gs_robotics.model.twin import SEEN_GROUP, PartMesh
 
 if TYPE_CHECKING:
     import mujoco
     from manifold3d import Manifold
 
-VISUAL_GROUP = 2  # of geoms that are only seen, in our twins as in MuJoCo Menagerie
 DENSE = 12_000  # faces of one body above which the sweep uses a simplified copy
 
 
@@ -41,7 +40,7 @@ def body_meshes(model: mujoco.MjModel, body: int) -> list[PartMesh]:
     import mujoco
 
     mesh_type = mujoco.mjtGeom.mjGEOM_MESH
-    visual = (model.geom_group == VISUAL_GROUP) & (model.geom_type == mesh_type)
+    visual = (model.geom_group == SEEN_GROUP) & (model.geom_type == mesh_type)
     own = model.geom_bodyid == body
     chosen = np.flatnonzero(own & visual if visual.any() else own)
     return [m for g in chosen if (m := _placed_geom(model, int(g))) is not None]

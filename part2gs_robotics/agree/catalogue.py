@@ -71,7 +71,7 @@ CHECKS = {
     "part built": _x("every part that was decided on was built", "all",
                      "give views that show the part, or raise --resolution"),
     EXPLAINED: _x("what moved between the states is explained by the parts that were built",
-                  "1 % of the moved surface, and a tenth of what noise contradicts in the scene",
+                  "1 % of the moved surface, and what of the noise looks as wrong by chance",
                   "look at the marked photos in report.html: a part is missing there. Give more or "
                   "sharper views of it, or --parts if fewer were found"),
     "time step": _x("a halved time step ends in the same place", "1 % of the range",

@@ -12,7 +12,7 @@ from part2gs_robotics.agree.of_mujoco import actuators
 from part2gs_robotics.exporters.inertia import gravity_vector
 from part2gs_robotics.model.arrays import F64
 from part2gs_robotics.model.solids import bounds
-from part2gs_robotics.model.twin import Twin
+from part2gs_robotics.model.twin import COLLIDES_GROUP, SEEN_GROUP, Twin
 
 if TYPE_CHECKING:
     import mujoco
@@ -23,8 +23,6 @@ WIDE = 0.002  # of the size: a margin beyond what `overlap` allows pushes parts 
 RUBS = 3  # directions of a contact's force: the fewest with friction
 GRIPS = 0.05, 10.0  # of sliding friction: ice on steel is 0.03, soft rubber 4; ours is 1
 FIRM = 0.5  # of solimp: less of a constraint and parts pass through; the engine's own is 0.9
-VISUAL = 2  # group of what is seen, by the contract of the twin folder
-COLLISION = 3  # group of what collides, by the contract of the twin folder
 SOFT = 0.1  # s in which a contact gives back; the engine's own is 0.02, ours 0.008
 # The least an engine may try: half of MuJoCo's own iterations, a hundred times its tolerance.
 TRIES, LAX = 50, 1e-6
@@ -55,8 +53,8 @@ def contact_rules(file: str, model: mujoco.MjModel, size: float) -> list[CheckRe
         elif not model.geom_solref[g, 0] <= SOFT:
             text = f"has solref {model.geom_solref[g].tolist()}, so soft that it lets through"
             goal = "solref 0.008 1"
-        elif model.geom_bodyid[g] and model.geom_group[g] != COLLISION:
-            text, goal = f"collides in group {model.geom_group[g]}", f"group {COLLISION}"
+        elif model.geom_bodyid[g] and model.geom_group[g] != COLLIDES_GROUP:
+            text, goal = f"collides in group {model.geom_group[g]}", f"group {COLLIDES_GROUP}"
         elif not FIRM <= model.geom_solimp[g, 0] <= model.geom_solimp[g, 1] < 1:
             text, goal = f"has solimp {model.geom_solimp[g].tolist()}", "solimp 0.9 0.95 0.001"
         elif not abs(model.geom_margin[g]) + abs(model.geom_gap[g]) <= WIDE * size:
@@ -217,7 +215,7 @@ def _loose(model: mujoco.MjModel) -> int:
 def _hidden(model: mujoco.MjModel) -> int:
     """Return how many geoms of parts, which collide with nothing, are not in the visual group."""
     seen = (model.geom_contype == 0) & (model.geom_conaffinity == 0) & (model.geom_bodyid > 0)
-    return int((seen & (model.geom_group != VISUAL)).sum())
+    return int((seen & (model.geom_group != SEEN_GROUP)).sum())
 
 
 def options(model: mujoco.MjModel, twin: Twin | None, told: F64, step: float) -> list[CheckResult]:

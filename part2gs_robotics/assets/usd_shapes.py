@@ -12,6 +12,7 @@ import numpy as np
 
 from part2gs_robotics.model import se3
 from part2gs_robotics.model.arrays import F64
+from part2gs_robotics.model.twin import COLLIDES_GROUP, SEEN_GROUP
 
 if TYPE_CHECKING:
     from pxr import Usd
@@ -174,8 +175,8 @@ class Shapes:
         # an open mesh that is only seen has no volume to weigh, and weighs nothing
         ET.SubElement(self.assets, "mesh", name=name, file=f"{name}.obj",
                       inertia="convex" if collides else "shell")
-        given = {"group": "3", "density": DENSITY} if collides else {
-            "group": "2", "contype": "0", "conaffinity": "0", "density": "0"}
+        given = {"group": str(COLLIDES_GROUP), "density": DENSITY} if collides else {
+            "group": str(SEEN_GROUP), "contype": "0", "conaffinity": "0", "density": "0"}
         named = {"type": "mesh", "mesh": name, "name": f"{name}_{prim.GetName()}"}
         return ET.Element("geom", named | given)
 

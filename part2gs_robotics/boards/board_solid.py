@@ -16,6 +16,7 @@ from part2gs_robotics.boards.outlines import Outlines, drawn_to_outlines
 from part2gs_robotics.boards.planes import families, flat_share
 from part2gs_robotics.boards.polyhedra import convex_cells, joined
 from part2gs_robotics.model.arrays import F32, F64, I64, Mask
+from part2gs_robotics.model.solids import arrays
 
 if TYPE_CHECKING:
     from manifold3d import Manifold
@@ -64,10 +65,8 @@ def refined(solid: BoardSolid, states: Sequence[Outlines]) -> BoardSolid:
     """
     if not solid.pieces:
         return solid
-    raw, cells = solid.whole.to_mesh64(), solid.cells
-    vertices = np.array(raw.vert_properties[:, :3], np.float64)
-    moved = drawn_to_outlines(cells.families, vertices, np.array(raw.tri_verts, np.int64), states,
-                              cells.grid.voxel)
+    cells = solid.cells
+    moved = drawn_to_outlines(cells.families, *arrays(solid.whole), states, cells.grid.voxel)
     cells = replace(cells, families=moved)
     pieces = convex_cells(cells, solid.inside)
     return replace(solid, cells=cells, pieces=pieces, whole=joined(pieces, cells.grid.voxel))

@@ -17,8 +17,8 @@ from part2gs_robotics.collision.few_corners import few_cornered
 from part2gs_robotics.collision.fitted import fitted
 from part2gs_robotics.collision.joined import hull, joined
 from part2gs_robotics.collision.walls import Cut, facets, main_directions, wall_cuts
-from part2gs_robotics.model.arrays import F64, I64
-from part2gs_robotics.model.solids import corners_of, hull_of, require_closed, to_mesh
+from part2gs_robotics.model.arrays import F64
+from part2gs_robotics.model.solids import arrays, corners_of, hull_of, require_closed, to_mesh
 from part2gs_robotics.model.twin import PartMesh
 
 if TYPE_CHECKING:
@@ -77,7 +77,7 @@ def _simpler(solid: Manifold, tolerance: float) -> Manifold:
 def _cut_up(solid: Manifold, tolerance: float, max_pieces: int) -> list[Manifold]:
     """Split the most concave piece until all are convex enough or there are too many."""
     smallest = CRUMB * solid.volume()
-    directions = main_directions(facets(*_arrays(solid)))
+    directions = main_directions(facets(*arrays(solid)))
     done: list[Manifold] = []
     queue: list[tuple[float, int, Manifold]] = []
     count = 0
@@ -101,11 +101,6 @@ def _cut_up(solid: Manifold, tolerance: float, max_pieces: int) -> list[Manifold
         for child in children:
             put(child)
     return done + [piece for _, _, piece in queue]
-
-
-def _arrays(solid: Manifold) -> tuple[F64, I64]:
-    raw = solid.to_mesh64()
-    return np.array(raw.vert_properties[:, :3], np.float64), np.array(raw.tri_verts, np.int64)
 
 
 def _excess(piece: Manifold, tolerance: float) -> float:
@@ -132,7 +127,7 @@ def _best_split(
 
 
 def _cuts(piece: Manifold, directions: F64, tolerance: float) -> list[Cut]:
-    vertices, faces = _arrays(piece)
+    vertices, faces = arrays(piece)
     lift = LIFT * tolerance
     planes = concave_planes(vertices, faces, 0.25 * tolerance)
     sharp = [Cut(normal, float(level) + lift, 0.0)

@@ -8,7 +8,7 @@ import numpy as np
 
 from part2gs_robotics.model.arrays import F64
 from part2gs_robotics.model.points import farthest
-from part2gs_robotics.model.solids import corners_of, hull_of
+from part2gs_robotics.model.solids import arrays, corners_of, hull_of
 
 if TYPE_CHECKING:
     from manifold3d import Manifold
@@ -38,9 +38,8 @@ def few_cornered(solid: Manifold) -> Manifold:
 
 def corners_and_normals(solid: Manifold) -> tuple[F64, F64]:
     """Return [V, 3] corners and [N, 3] distinct face normals of a convex solid."""
-    raw = solid.to_mesh64()
-    vertices = np.array(raw.vert_properties[:, :3])
-    tri = vertices[np.array(raw.tri_verts, np.int64)]
+    vertices, faces = arrays(solid)
+    tri = vertices[faces]
     cross = np.cross(tri[:, 1] - tri[:, 0], tri[:, 2] - tri[:, 0])
     length = np.linalg.norm(cross, axis=1, keepdims=True)
     normals = cross[length[:, 0] > 0] / length[length[:, 0] > 0]

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from part2gs_robotics.model.arrays import F64
+from part2gs_robotics.model.solids import arrays
 from part2gs_robotics.runtime.jit import inlined, kernel
 
 if TYPE_CHECKING:
@@ -52,7 +53,7 @@ def fitted(piece: Manifold, part: Manifold) -> Manifold:
 
 def _best_cut(piece: Manifold, real: Manifold) -> tuple[F64, float] | None:
     """Return (normal, level) of the plane above which most is gained, None if hardly anything."""
-    hull, own = _triangles(piece), _triangles(real)
+    hull, own = (vertices[faces] for vertices, faces in map(arrays, (piece, real)))
     sides = _sides(hull)
     reach = hull.reshape(-1, 3) @ sides.T
     top, bottom = reach.max(0)[:, None], reach.min(0)[:, None]
@@ -124,9 +125,3 @@ def _mean_above(high: float, middle: float, low: float) -> float:
     if middle > 0.0:
         return whole + (-low) ** 3 / (3.0 * (high - low) * (middle - low))
     return high**3 / (3.0 * (high - middle) * (high - low))
-
-
-def _triangles(solid: Manifold) -> F64:
-    raw = solid.to_mesh64()
-    vertices = np.array(raw.vert_properties[:, :3], np.float64)
-    return vertices[np.array(raw.tri_verts, np.int64)]

@@ -12,10 +12,9 @@ from numpy.typing import NDArray
 from part2gs_robotics.agree.finding import CheckResult, fails, passes
 from part2gs_robotics.exporters.meshfile import add_material, mean_rgba
 from part2gs_robotics.model.arrays import F64
-from part2gs_robotics.model.twin import Part, PartMesh, Texture, Twin
+from part2gs_robotics.model.twin import SEEN_GROUP, Part, PartMesh, Texture, Twin
 
 COLOUR = 0.01  # of 1: colours of corners have four digits, their mean has the same
-SEEN = "2"  # group of what is seen, by the contract of the twin folder
 BETTER = 1.25  # x: how much better another picture must fit before one is called swapped
 # Mean colour of a picture against that of the corners: 0.10 in 21 finished parts, 0.2 of the mean.
 OFF, OFF_SHARE = 0.15, 0.5
@@ -65,9 +64,9 @@ def _mjcf(path: Path, twin: Twin) -> Iterator[CheckResult]:
                        f"{path.name}: give its visual geom the material {part.name}_color")
     seen = None if root is None else root.find("default/default/default/mesh[@inertia='exact']/..")
     group = None if seen is None else seen.find("geom")
-    if group is not None and group.get("group") != SEEN:
+    if group is not None and group.get("group") != str(SEEN_GROUP):
         yield _bad(path.name, f"visual meshes are in group {group.get('group')}, which viewers "
-                   "hide or show as collision", f"{path.name}: put them into group {SEEN}")
+                   "hide or show as collision", f"{path.name}: put them into group {SEEN_GROUP}")
 
 
 def _alike(one: ET.Element, two: ET.Element) -> bool:

@@ -32,11 +32,11 @@ from part2gs_robotics.runtime.side_by_side import side_by_side
 
 VIEWS, SIDE = 24, 200  # photos of each state, and their longest side: of `canonical`, as many tell
 BODY = 0.5  # of a surfel's neighbours: a body has area, noise comes in specks and along edges
-# Quantile of errors that both states show: of whole builds 0 to 0.2 % of what moved is worse.
-USUAL = 0.9
+# Deviations from what both states show, by its median: a part in a wrong place hides much of that.
+SIGMAS, NORMAL = 3.0, 0.6745
 # Of the diagonal: panes of glass come to lie 0.015 to 0.05 from where the other state has them.
 SHAPE = 0.04
-LEAST = 0.01  # of the moved surface: noise made at most 0.0022 of eight builds with all parts
+LEAST = 0.01  # of the moved surface: noise made at most 0.0022 of 11 builds with all parts
 
 
 @dataclass(frozen=True)
@@ -72,33 +72,30 @@ def left_over(both: Canonical, motion: Motion) -> LeftOver:
         motion: final joints, and the part of every Gaussian.
     """
     surface = surface_under(both, motion)
-    bad, noise = sorted_out(surface)
+    bad, bound = sorted_out(surface)
     marked = [marks(both, state, own) for state, own in
               enumerate(np.split(bad, [len(both.surfaces.surfels[0])]))]
-    return LeftOver(surface.share(bad), bound_of(surface, noise),
+    return LeftOver(surface.share(bad), bound,
                     (marked[0][0], marked[1][0]), (marked[0][1], marked[1][1]))
 
 
-def bound_of(surface: Surface, noise: Mask) -> float:
-    """Return the most that noise makes of the share: by chance it looks worse than `USUAL` too."""
-    return LEAST + (1.0 - USUAL) * surface.share(noise)
+def sorted_out(surface: Surface) -> tuple[Mask, float]:
+    """Return [N] the bodies that nothing explains, and the most that noise makes of their share.
 
-
-def sorted_out(surface: Surface) -> tuple[Mask, Mask]:
-    """Return [N] the bodies that nothing explains, and [N] those that are noise.
-
-    Noise is what is contradicted though photos show nothing wrong, or a part's own poor shape.
+    Noise is what is contradicted though photos show nothing wrong, or a part's own poor shape. By
+    chance it looks as wrong as some of what agrees does.
     """
     spots = surface.contradicted & (surface.contradicted[surface.neighbors].mean(1) >= BODY)
     number = bodies(spots, surface.neighbors)
-    known = surface.agrees & ~surface.contradicted & np.isfinite(surface.errors)
-    usual = float(np.quantile(surface.errors[known], USUAL)) if known.any() else 0.0
+    known = surface.errors[surface.agrees & ~surface.contradicted & np.isfinite(surface.errors)]
+    usual = SIGMAS / NORMAL * float(np.median(known)) if len(known) else 0.0
     wrong = np.nan_to_num(surface.errors) > usual
     count = np.bincount(number[spots], minlength=len(spots))
     worse, near = (np.bincount(number[spots & m], minlength=len(count)) > 0.5 * count
                    for m in (wrong, surface.shape))
     bad = spots & (worse & ~near)[number]
-    return bad, spots & ~bad
+    chance = float((known > usual).mean()) if len(known) else 0.0
+    return bad, LEAST + chance * surface.share(spots & ~bad)
 
 
 def bodies(mask: Mask, neighbors: NDArray[np.int32]) -> Labels:

@@ -18,12 +18,13 @@ from part2gs_robotics.evidence.segments import segments_of
 from part2gs_robotics.mesh.make_room import all_apart, without_bits
 from part2gs_robotics.mesh.see_through import missed, unstopped
 from part2gs_robotics.mesh.shut import shut
-from part2gs_robotics.mesh.surface import arrays, closed_surface, flaw, vertices_apart
+from part2gs_robotics.mesh.surface import closed_surface, flaw, vertices_apart
 from part2gs_robotics.mesh.to_outlines import moved_pieces, to_outlines
 from part2gs_robotics.model.arrays import F32, F64, Mask
 from part2gs_robotics.model.kinematics import chain, sweep
 from part2gs_robotics.model.scene import Scene
 from part2gs_robotics.model.se3 import inverse
+from part2gs_robotics.model.solids import arrays
 from part2gs_robotics.volume.carve import Solid, carve
 from part2gs_robotics.volume.fuse import Fused
 from part2gs_robotics.volume.part_maps import PartMaps

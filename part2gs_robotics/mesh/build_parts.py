@@ -12,7 +12,7 @@ from part2gs_robotics.config import MeshConfig
 from part2gs_robotics.errors import EmptyPartError
 from part2gs_robotics.evidence.depth_maps import observe
 from part2gs_robotics.mesh.board_parts import board_surfaces, edge_directions
-from part2gs_robotics.mesh.surface import arrays, closed_surface
+from part2gs_robotics.mesh.surface import closed_surface
 from part2gs_robotics.model.arrays import F64
 from part2gs_robotics.model.gaussians import Gaussians
 from part2gs_robotics.model.grid import Grid
@@ -20,6 +20,7 @@ from part2gs_robotics.model.kinematics import chain
 from part2gs_robotics.model.motion import Motion
 from part2gs_robotics.model.scene import Scene
 from part2gs_robotics.model.se3 import apply, inverse
+from part2gs_robotics.model.solids import arrays
 from part2gs_robotics.model.twin import Part, PartMesh
 from part2gs_robotics.runtime.side_by_side import side_by_side
 from part2gs_robotics.volume.grid_solids import (

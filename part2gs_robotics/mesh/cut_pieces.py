@@ -10,7 +10,7 @@ import numpy as np
 from part2gs_robotics.collision.few_corners import corners_and_normals
 from part2gs_robotics.collision.walls import Facets, facets
 from part2gs_robotics.model.arrays import F64
-from part2gs_robotics.model.solids import corners_of, hull_of
+from part2gs_robotics.model.solids import arrays, corners_of, hull_of
 
 if TYPE_CHECKING:
     from manifold3d import Manifold
@@ -93,5 +93,4 @@ def _beyond(faces: Facets, normal: F64, level: float) -> float:
 
 
 def _faces(solid: Manifold) -> Facets:
-    raw = solid.to_mesh64()
-    return facets(np.array(raw.vert_properties[:, :3]), np.array(raw.tri_verts, np.int64))
+    return facets(*arrays(solid))

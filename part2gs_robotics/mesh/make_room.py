@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from part2gs_robotics.collision.joined import hull, joined
-from part2gs_robotics.mesh.surface import arrays, flaw, vertices_apart
+from part2gs_robotics.mesh.surface import flaw, vertices_apart
 from part2gs_robotics.model.arrays import F64
 from part2gs_robotics.model.kinematics import both_ways, chain, ways
 from part2gs_robotics.model.se3 import apply, inverse, inverses
-from part2gs_robotics.model.solids import corners_of, hull_of
+from part2gs_robotics.model.solids import arrays, corners_of, hull_of
 from part2gs_robotics.volume.place import Place
 
 if TYPE_CHECKING:

@@ -13,10 +13,10 @@ import numpy as np
 
 from part2gs_robotics.boards.board_solid import BoardSolid
 from part2gs_robotics.evidence.depth_maps import DepthMaps
-from part2gs_robotics.mesh.surface import arrays
 from part2gs_robotics.model.arrays import F32, F64, I64, Mask
 from part2gs_robotics.model.grid import Grid
 from part2gs_robotics.model.se3 import apply, inverse
+from part2gs_robotics.model.solids import arrays
 from part2gs_robotics.render.mesh_depths import NEAR, draw_depths
 from part2gs_robotics.volume.part_maps import PartMaps
 from part2gs_robotics.volume.place import Place

@@ -19,11 +19,10 @@ import numpy as np
 from part2gs_robotics.evidence.depth_maps import observe
 from part2gs_robotics.mesh.bend import planes_of
 from part2gs_robotics.mesh.make_room import base_apart
-from part2gs_robotics.mesh.surface import arrays
 from part2gs_robotics.model.arrays import F64, Mask
 from part2gs_robotics.model.joint import Joint
 from part2gs_robotics.model.se3 import apply, inverse
-from part2gs_robotics.model.solids import corners_of
+from part2gs_robotics.model.solids import arrays, corners_of
 from part2gs_robotics.volume.part_maps import PartMaps
 from part2gs_robotics.volume.place import Place
 

@@ -5,10 +5,9 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from part2gs_robotics.errors import MeshError
-from part2gs_robotics.model.arrays import F64
+from part2gs_robotics.model.solids import arrays
 from part2gs_robotics.volume.carve import Solid
 from part2gs_robotics.volume.fuse import TRUNCATION
 
@@ -118,9 +117,3 @@ def vertices_apart(surface: Manifold, voxel: float) -> Manifold:
     else:
         return surface
     return manifold3d.Manifold(manifold3d.Mesh64(points, np.ascontiguousarray(faces, np.uint64)))
-
-
-def arrays(surface: Manifold) -> tuple[F64, NDArray[np.int64]]:
-    """Return vertices [V, 3] and faces [F, 3] of a closed surface."""
-    raw = surface.to_mesh64()
-    return (np.array(raw.vert_properties[:, :3], np.float64), np.array(raw.tri_verts, np.int64))

@@ -19,9 +19,9 @@ from part2gs_robotics.evidence.depth_maps import DepthMaps
 from part2gs_robotics.mesh.bend import Bend, covering
 from part2gs_robotics.mesh.see_through import drawn
 from part2gs_robotics.mesh.silhouettes import Gaps, Shape, gaps, shape_of, together
-from part2gs_robotics.mesh.surface import arrays, flaw
+from part2gs_robotics.mesh.surface import flaw
 from part2gs_robotics.model.arrays import F64, I64
-from part2gs_robotics.model.solids import corners_of, hull_of
+from part2gs_robotics.model.solids import arrays, corners_of, hull_of
 from part2gs_robotics.volume.part_maps import PartMaps
 from part2gs_robotics.volume.place import Place
 

@@ -40,10 +40,14 @@ def _cancels(faces: NDArray[np.uint64]) -> bool:
 
 def to_mesh(solid: Manifold, color: tuple[int, int, int] = GREY) -> PartMesh:
     """Return the surface of a solid in one colour."""
+    vertices, faces = arrays(solid)
+    return PartMesh(vertices, faces, np.tile(np.array(color, np.uint8), (len(vertices), 1)))
+
+
+def arrays(solid: Manifold) -> tuple[F64, I64]:
+    """Return vertices [V, 3] and faces [F, 3] of a solid."""
     raw = solid.to_mesh64()
-    vertices = np.array(raw.vert_properties[:, :3], np.float64)
-    colors = np.tile(np.array(color, np.uint8), (len(vertices), 1))
-    return PartMesh(vertices, np.array(raw.tri_verts, np.int64), colors)
+    return np.array(raw.vert_properties[:, :3], np.float64), np.array(raw.tri_verts, np.int64)
 
 
 def hull_of(points: NDArray[np.float64]) -> Manifold:
@@ -71,7 +75,7 @@ def hull_of(points: NDArray[np.float64]) -> Manifold:
 
 def corners_of(solid: Manifold) -> NDArray[np.float64]:
     """Return the [V, 3] vertices of a solid."""
-    return np.array(solid.to_mesh64().vert_properties[:, :3], np.float64).reshape(-1, 3)
+    return arrays(solid)[0].reshape(-1, 3)
 
 
 def watertight(mesh: PartMesh) -> bool:
@@ -139,37 +143,6 @@ def simpler(real: Manifold, step: float) -> Manifold:
     return simple if simple.volume() > KEPT * real.volume() else real
 
 
-def corner_normals(vertices: F64, faces: I64, crease: float) -> F64:
-    """Return [F, 3, 3] unit normals of the corners of faces.
-
-    A corner has the mean by area of the faces around its vertex that look almost as its own does.
-
-    Args:
-        vertices: [V, 3].
-        faces: [F, 3] outward.
-        crease: cosine of the angle to its own face beyond which another one does not count.
-    """
-    tri = vertices[faces]
-    areas = np.cross(tri[:, 1] - tri[:, 0], tri[:, 2] - tri[:, 0])
-    length = np.linalg.norm(areas, axis=1, keepdims=True)
-    own = np.divide(areas, length, out=np.zeros_like(areas), where=length > 0)
-    order = np.argsort(faces.ravel(), kind="stable")  # corners, those of one vertex together
-    vertex, face = faces.ravel()[order], order // 3
-    first = np.searchsorted(vertex, vertex)
-    count = np.searchsorted(vertex, vertex, side="right") - first
-    corner = np.repeat(np.arange(len(order)), count)
-    place = np.arange(len(corner)) - np.repeat(np.cumsum(count) - count, count)
-    mine, other = face[corner], face[first[corner] + place]
-    alike = (own[mine] * own[other]).sum(1) > crease
-    sums = np.zeros((len(order), 3))
-    np.add.at(sums, corner[alike], areas[other[alike]])
-    length = np.linalg.norm(sums, axis=1, keepdims=True)
-    unit = np.divide(sums, length, out=np.tile([0.0, 0.0, 1.0], (len(order), 1)), where=length > 0)
-    out = np.empty_like(unit)
-    out[order] = unit
-    return out.reshape(-1, 3, 3)
-
-
 def thickness(overlap: Manifold) -> float:
     """Return the largest 2 volume / surface of the pieces of a solid: a slab's thickness."""
     if overlap.is_empty() or overlap.volume() <= 0:
@@ -227,8 +200,8 @@ def bound_of(solid: Manifold, pieces: tuple[PartMesh, ...]) -> Bound:
 
 def sprinkled(solid: Manifold) -> F64:
     """Return [SPRINKLED, 3] points spread by area over a surface, none of an empty solid."""
-    raw, rng = solid.to_mesh64(), np.random.default_rng(0)
-    tri = np.array(raw.vert_properties[:, :3])[np.array(raw.tri_verts, np.int64)]
+    (vertices, faces), rng = arrays(solid), np.random.default_rng(0)
+    tri = vertices[faces]
     if not len(tri):
         return np.zeros((0, 3))
     areas = np.linalg.norm(np.cross(tri[:, 1] - tri[:, 0], tri[:, 2] - tri[:, 0]), axis=1)

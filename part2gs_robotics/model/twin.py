@@ -7,7 +7,10 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from part2gs_robotics.model.arrays import F64, I64
 from part2gs_robotics.model.joint import Joint
+
+SEEN_GROUP, COLLIDES_GROUP = 2, 3  # of geoms, as MuJoCo Menagerie has them
 
 
 @dataclass(frozen=True)
@@ -95,3 +98,34 @@ class Twin:
     def meters(self) -> float:
         """Metres per scene unit that masses and gravity take, known or assumed."""
         return self.meters_per_unit or self.assumed_meters
+
+
+def corner_normals(vertices: F64, faces: I64, crease: float) -> F64:
+    """Return [F, 3, 3] unit normals of the corners of faces.
+
+    A corner has the mean by area of the faces around its vertex that look almost as its own does.
+
+    Args:
+        vertices: [V, 3].
+        faces: [F, 3] outward.
+        crease: cosine of the angle to its own face beyond which another one does not count.
+    """
+    tri = vertices[faces]
+    areas = np.cross(tri[:, 1] - tri[:, 0], tri[:, 2] - tri[:, 0])
+    length = np.linalg.norm(areas, axis=1, keepdims=True)
+    own = np.divide(areas, length, out=np.zeros_like(areas), where=length > 0)
+    order = np.argsort(faces.ravel(), kind="stable")  # corners, those of one vertex together
+    vertex, face = faces.ravel()[order], order // 3
+    first = np.searchsorted(vertex, vertex)
+    count = np.searchsorted(vertex, vertex, side="right") - first
+    corner = np.repeat(np.arange(len(order)), count)
+    place = np.arange(len(corner)) - np.repeat(np.cumsum(count) - count, count)
+    mine, other = face[corner], face[first[corner] + place]
+    alike = (own[mine] * own[other]).sum(1) > crease
+    sums = np.zeros((len(order), 3))
+    np.add.at(sums, corner[alike], areas[other[alike]])
+    length = np.linalg.norm(sums, axis=1, keepdims=True)
+    unit = np.divide(sums, length, out=np.tile([0.0, 0.0, 1.0], (len(order), 1)), where=length > 0)
+    out = np.empty_like(unit)
+    out[order] = unit
+    return out.reshape(-1, 3, 3)

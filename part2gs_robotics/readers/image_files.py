@@ -17,6 +17,7 @@ MAX_SIDE = 8192  # largest side of a phone photo today is about 8,000 px
 MAX_PIXELS = 40_000_000  # 40 MP RGBA is 160 MB decoded: the most one image may cost
 HEADER_BYTES = 1 << 20  # JPEG metadata before the size marker stays far below 1 MiB
 MOST_BYTES = 8  # of a PNG's pixel: four channels of 16 bits
+ENVELOPE = 1024  # bytes, of streams and blocks: a picture of one pixel takes a dozen
 PACKED = 1.01  # of its raw pixels: what cannot be packed grows by less than 0.1 %
 PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
 # JPEG markers that carry the frame size: SOF0..SOF15 without DHT (C4), JPG (C8) and DAC (CC)
@@ -135,7 +136,7 @@ def _overfull(data: bytes, size: tuple[int, int]) -> bool:
         length = int.from_bytes(data[at:at + 4], "big")
         packed += length * (data[at + 4:at + 8] == b"IDAT")
         at += length + 12  # its length, name and checksum
-    return packed > PACKED * size[1] * (MOST_BYTES * size[0] + 1) + HEADER_BYTES // 1024
+    return packed > PACKED * size[1] * (MOST_BYTES * size[0] + 1) + ENVELOPE
 
 
 def read_rgba(path: Path) -> tuple[U8, U8 | None]:

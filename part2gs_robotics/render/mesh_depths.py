@@ -1,4 +1,4 @@
-"""Mesh depths: the depth of a mesh in every view, drawn pixel by pixel."""
+"""Mesh depths: the depth of a mesh in every view, and which face is there, pixel by pixel."""
 
 from __future__ import annotations
 
@@ -11,10 +11,16 @@ from part2gs_robotics.runtime.jit import parallel_kernel
 NEAR = 1e-6  # of the size: nothing nearer to a camera is drawn
 
 
-@parallel_kernel
 def draw_depths(vertices: F32, faces: I64, Ks: F64, viewmats: F64, near: float,
                 depths: F32) -> None:
-    """Draw the depth of triangles into every view.
+    """Draw the depth of triangles into every view: `draw_faces` without which face it is."""
+    draw_faces(vertices, faces, Ks, viewmats, near, depths, np.zeros((0, 0, 0), np.int64))
+
+
+@parallel_kernel
+def draw_faces(vertices: F32, faces: I64, Ks: F64, viewmats: F64, near: float,
+               depths: F32, shown: I64) -> None:
+    """Draw the depth of triangles into every view, and which of them is seen.
 
     Args:
         vertices: [N, 3] world.
@@ -23,6 +29,7 @@ def draw_depths(vertices: F32, faces: I64, Ks: F64, viewmats: F64, near: float,
         viewmats: [V, 4, 4].
         near: least depth; faces that reach nearer are left out.
         depths: [V, H, W] result, infinite before.
+        shown: [V, H, W] result, number of the face, left alone where there is none; or empty.
     """
     views, height, width = depths.shape
     for v in numba.prange(views):
@@ -59,3 +66,5 @@ def draw_depths(vertices: F32, faces: I64, Ks: F64, viewmats: F64, near: float,
                         z = 1.0 / (u * ip + t * iq + s * ir)
                         if z < depths[v, j, i]:
                             depths[v, j, i] = z
+                            if shown.size:
+                                shown[v, j, i] = f

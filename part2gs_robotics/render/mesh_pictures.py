@@ -11,8 +11,7 @@ from part2gs_robotics.model.arrays import F32, F64, I64
 from part2gs_robotics.model.scene import Camera
 from part2gs_robotics.model.se3 import apply
 from part2gs_robotics.model.twin import PartMesh
-from part2gs_robotics.render.mesh_depths import NEAR
-from part2gs_robotics.runtime.jit import kernel
+from part2gs_robotics.render.mesh_depths import NEAR, draw_faces
 
 FINER = 2  # pixels per pixel of the picture and side: edges are smooth, as in a photo
 WHITE = 255.0  # where there is no mesh, as photos are shown in reports
@@ -34,14 +33,35 @@ def draw_meshes(meshes: Sequence[PartMesh], places: Sequence[F64], camera: Camer
                             for mesh, start in zip(meshes, starts[:-1], strict=True)])
     height, width = FINER * camera.height, FINER * camera.width
     lens = np.diag([FINER, FINER, 1.0]) @ camera.K
-    local = apply(camera.viewmat, vertices)
     size = float(np.linalg.norm(np.ptp(vertices, axis=0)))
-    depth, face = np.full((height, width), np.inf), np.full((height, width), -1, np.int64)
-    weights = np.zeros((height, width, 3), np.float32)
-    draw_faces(local, faces, lens, NEAR * size, depth, face, weights)
-    picture = _painted(meshes, face, weights)
+    depths = np.full((1, height, width), np.inf, np.float32)
+    shown = np.full(depths.shape, -1, np.int64)
+    draw_faces(vertices.astype(np.float32), faces, lens[None], camera.viewmat[None], NEAR * size,
+               depths, shown)
+    weights = _shares(apply(camera.viewmat, vertices)[faces], lens, shown[0])
+    picture = _painted(meshes, shown[0], weights)
     fine = picture.reshape(camera.height, FINER, camera.width, FINER, 3).mean((1, 3))
     return np.asarray(np.rint(fine), np.uint8)
+
+
+def _shares(tri: F64, K: F64, face: I64) -> F32:
+    """Return [H, W, 3] shares of the corners in the point of a face that each pixel shows.
+
+    Corners p, q, r weigh as the volumes that the pixel's ray spans with the other two.
+
+    Args:
+        tri: [F, 3, 3] faces in the camera's frame.
+        K: [3, 3] pixels.
+        face: [H, W] number of a face, -1 = none.
+    """
+    out = np.zeros((*face.shape, 3), np.float32)
+    row, col = np.nonzero(face >= 0)
+    rays = np.column_stack([col + 0.5, row + 0.5, np.ones(len(row))]) @ np.linalg.inv(K).T
+    p, q, r = tri[face[row, col]].transpose(1, 0, 2)
+    spans = np.stack([(rays * np.cross(*pair)).sum(1) for pair in ((q, r), (r, p), (p, q))], 1)
+    shares = np.clip(spans / spans.sum(1, keepdims=True), 0, None)  # a face on edge shows no pixel
+    out[row, col] = shares / shares.sum(1, keepdims=True)
+    return out
 
 
 def _painted(meshes: Sequence[PartMesh], face: I64, weights: F32) -> F32:
@@ -69,43 +89,3 @@ def _looked_up(image: NDArray[np.uint8], uv: F32) -> F32:
     a, b = (x - left)[:, None], (y - top)[:, None]
     return np.asarray((image[top, left] * (1 - a) + image[top, right] * a) * (1 - b)
                       + (image[low, left] * (1 - a) + image[low, right] * a) * b, np.float32)
-
-
-@kernel
-def draw_faces(local: F64, faces: I64, K: F64, near: float, depth: F64, face: I64,
-               weights: F32) -> None:
-    """Draw which face each pixel shows, and where on it.
-
-    Args:
-        local: [N, 3] vertices in the camera's frame.
-        faces: [F, 3].
-        K: [3, 3] pixels.
-        near: least depth; faces that reach nearer are left out.
-        depth: [H, W] infinite before.
-        face: [H, W] result, -1 before.
-        weights: [H, W, 3] result: shares of the face's corners, perspective in them.
-    """
-    height, width = depth.shape
-    for f in range(len(faces)):
-        p, q, r = local[faces[f, 0]], local[faces[f, 1]], local[faces[f, 2]]
-        if p[2] <= near or q[2] <= near or r[2] <= near:
-            continue
-        px, py = K[0, 0] * p[0] / p[2] + K[0, 2], K[1, 1] * p[1] / p[2] + K[1, 2]
-        qx, qy = K[0, 0] * q[0] / q[2] + K[0, 2], K[1, 1] * q[1] / q[2] + K[1, 2]
-        rx, ry = K[0, 0] * r[0] / r[2] + K[0, 2], K[1, 1] * r[1] / r[2] + K[1, 2]
-        double = (qx - px) * (ry - py) - (qy - py) * (rx - px)
-        if double == 0.0:
-            continue
-        for j in range(max(int(min(py, qy, ry)), 0), min(int(max(py, qy, ry)) + 1, height)):
-            for i in range(max(int(min(px, qx, rx)), 0), min(int(max(px, qx, rx)) + 1, width)):
-                x, y = i + 0.5, j + 0.5
-                u = ((qx - x) * (ry - y) - (qy - y) * (rx - x)) / double
-                t = ((rx - x) * (py - y) - (ry - y) * (px - x)) / double
-                s = 1.0 - u - t
-                if u >= -1e-6 and t >= -1e-6 and s >= -1e-6:
-                    z = 1.0 / (u / p[2] + t / q[2] + s / r[2])
-                    if z < depth[j, i]:
-                        depth[j, i], face[j, i] = z, f
-                        weights[j, i, 0] = u * z / p[2]
-                        weights[j, i, 1] = t * z / q[2]
-                        weights[j, i, 2] = s * z / r[2]

@@ -7,6 +7,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from part2gs_robotics.model.arrays import F64
 from part2gs_robotics.stress.cells import Cell, Start, judged, run
@@ -17,6 +18,7 @@ if TYPE_CHECKING:
     import mujoco
 
 SCALES = tuple(10.0**k for k in range(-3, 4))  # a matchbox house to a hangar
+LINEAR = {0: 3, 2: 1}  # lengths among the numbers of a free joint and of a slide
 # Powers of the scale at which a number grows while density and time stay as they are.
 LENGTHS = ("body_pos", "body_ipos", "geom_pos", "geom_size", "geom_rbound", "geom_margin",
            "geom_gap", "geom_aabb", "site_pos", "site_size", "cam_pos", "light_pos", "mesh_vert",
@@ -48,7 +50,8 @@ def scaled(start: Start, scale: float) -> Start:
     model.opt.gravity[:] *= scale
     model.stat.extent *= scale
     model.stat.center *= scale
-    places, speeds = _places(model), _speeds(model)
+    places = _lengths(model, model.jnt_qposadr, model.nq)
+    speeds = _lengths(model, model.jnt_dofadr, model.nv)
     grow, spin = scale ** places, scale ** speeds
     _joints(model, scale, speeds)
     for name in ("qpos0", "qpos_spring"):
@@ -62,21 +65,17 @@ def scaled(start: Start, scale: float) -> Start:
                    scale=start.scale * grow[watched])
 
 
-def _places(model: mujoco.MjModel) -> F64:
-    """Return [nq] 1 where a position is a length, 0 where it is an angle or a quaternion."""
-    out = np.zeros(model.nq)
-    for j in range(model.njnt):
-        kind, at = int(model.jnt_type[j]), int(model.jnt_qposadr[j])
-        out[at:at + {0: 3, 2: 1}.get(kind, 0)] = 1.0
-    return out
+def _lengths(model: mujoco.MjModel, first: NDArray[np.int32], count: int) -> F64:
+    """Return [count] 1 where a position, or speed, is one of lengths, 0 where it is an angle.
 
-
-def _speeds(model: mujoco.MjModel) -> F64:
-    """Return [nv] 1 where a speed is one of lengths."""
-    out = np.zeros(model.nv)
-    for j in range(model.njnt):
-        kind, at = int(model.jnt_type[j]), int(model.jnt_dofadr[j])
-        out[at:at + {0: 3, 2: 1}.get(kind, 0)] = 1.0
+    Args:
+        model: of joints.
+        first: [njnt] where the numbers of every joint begin, `jnt_qposadr` or `jnt_dofadr`.
+        count: of the numbers.
+    """
+    out = np.zeros(count)
+    for kind, at in zip(model.jnt_type, first, strict=True):
+        out[at:at + LINEAR.get(int(kind), 0)] = 1.0
     return out
 
 

@@ -9,8 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from part2gs_robotics.model.arrays import F32, I64
-from part2gs_robotics.model.solids import corner_normals
-from part2gs_robotics.model.twin import PartMesh
+from part2gs_robotics.model.twin import PartMesh, corner_normals
 from part2gs_robotics.texture.chart_kernels import cover
 from part2gs_robotics.texture.charts import (
     STEEPEST,

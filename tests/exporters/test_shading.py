@@ -11,8 +11,7 @@ from synth import toy_cabinet_twin
 from part2gs_robotics.exporters.meshfile import CREASE, write_meshes, write_obj
 from part2gs_robotics.exporters.mjcf import write_mjcf
 from part2gs_robotics.model.se3 import rotation_from_rotvec
-from part2gs_robotics.model.solids import corner_normals
-from part2gs_robotics.model.twin import PartMesh
+from part2gs_robotics.model.twin import PartMesh, corner_normals
 
 
 def arrays(solid):

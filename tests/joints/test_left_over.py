@@ -9,7 +9,7 @@ import pytest
 from toys import Box, cameras, drawn, gaussians_of, scene_of
 
 from part2gs_robotics.evidence.canonical import Canonical, canonical
-from part2gs_robotics.joints.left_over import bodies, left_over
+from part2gs_robotics.joints.left_over import LEAST, Surface, bodies, left_over, sorted_out
 from part2gs_robotics.model.gaussians import Gaussians
 from part2gs_robotics.model.joint import Joint
 from part2gs_robotics.model.motion import LeftOver, Motion
@@ -143,3 +143,17 @@ def test_bodies_are_connected_pieces_of_a_mask() -> None:
     number = bodies(mask, line)
     assert len(set(number[mask])) == 3
     assert len(set(number[:3])) == len(set(number[5:7])) == len(set(number[8:])) == 1
+
+
+@pytest.mark.parametrize(("error", "bad"), [(0.14, True), (0.012, False)])
+def test_what_a_missing_part_hides_of_the_rest_does_not_hide_the_part(error: float, bad: bool,
+                                                                      ) -> None:
+    agreeing, hidden, lacking_ones = 200, 100, 100  # a third of what agrees looks wrong behind it
+    errors = np.repeat([0.01, 0.4, error], [agreeing, hidden, lacking_ones])
+    lacks = np.arange(len(errors)) >= agreeing + hidden
+    groups = np.arange(len(errors)) // 10 * 10
+    surface = Surface(lacks, lacks, ~lacks, np.zeros(len(errors), bool), errors,
+                      (groups[:, None] + np.arange(10)).astype(np.int32))
+    found, bound = sorted_out(surface)
+    np.testing.assert_array_equal(found, lacks & bad)
+    assert bound == pytest.approx(LEAST + (0.0 if bad else hidden / (agreeing + hidden)))

@@ -46,7 +46,7 @@ def blind() -> Any:
 
 def looking(solid: Manifold, label: int = 0) -> Any:
     """Return maps of two photos that look along +y at the front of a solid, of a part."""
-    from part2gs_robotics.mesh.surface import arrays
+    from part2gs_robotics.model.solids import arrays
     from part2gs_robotics.render.mesh_depths import draw_depths
 
     K = np.repeat(np.array([[[200.0, 0, 100], [0, 200, 100], [0, 0, 1]]]), 2, 0)

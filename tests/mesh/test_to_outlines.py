@@ -13,10 +13,9 @@ from toys import cameras
 from part2gs_robotics.evidence.depth_maps import DepthMaps
 from part2gs_robotics.mesh import silhouettes
 from part2gs_robotics.mesh.silhouettes import gaps, shape_of
-from part2gs_robotics.mesh.surface import arrays
 from part2gs_robotics.mesh.to_outlines import moved_pieces, to_outlines
 from part2gs_robotics.model.arrays import F64
-from part2gs_robotics.model.solids import corners_of
+from part2gs_robotics.model.solids import arrays, corners_of
 from part2gs_robotics.render.mesh_depths import draw_depths
 
 SIDE, FINE, VOXEL = 192, 3, 0.03
