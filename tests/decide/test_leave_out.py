@@ -7,8 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from part2gs_robotics.articulate import _with_bodies
+from part2gs_robotics.config import ArticulateConfig
 from part2gs_robotics.decide.candidate import PART, on_base
-from part2gs_robotics.decide.leave_out import kinds_chosen, least, saved, thinned
+from part2gs_robotics.decide.leave_out import joint_of, kinds_chosen, least, saved, thinned
 from part2gs_robotics.model.joint import Joint
 
 pytestmark = pytest.mark.usefixtures("one_numba_thread")
@@ -95,3 +97,17 @@ def test_only_what_came_anew_has_its_kind_chosen(judge, right, look_alikes):
     assert found.motions[1].kind == "prismatic"
     assert found.motions[1].value == pytest.approx(second.value, abs=0.005)
     assert np.isfinite(found.motions[1].confidence)
+
+
+def test_a_motion_that_no_surfel_has_keeps_its_kind_and_leaves_with_the_last_labels(judge, parts):
+    first, second, _ = parts
+    nowhere = replace(first, origin=first.origin + 50.0, value=50.0)  # nothing lands so far off
+    found = judged(judge, first, nowhere, second)
+    assert not (found.labels == 2).any()
+    assert joint_of(judge, found, 1) is nowhere
+    left, costs = _with_bodies(judge, found, ArticulateConfig())
+    assert left.motions == (first, second)
+    assert set(np.unique(left.labels)) == {0, 1, 2}
+    assert costs.shape[1] == 3
+    asked, _ = _with_bodies(judge, found, ArticulateConfig(parts=3))
+    assert len(asked) == 3
