@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -127,7 +128,8 @@ def _part(twin: Twin, part: Part, props: MassProperties) -> Tree:
         "inertia": _value(props.inertia, sure, f"about the centre, kg units^2; {heavy}"),
         "synthesised": _value(part.mesh.synthesised, "measured", "share of surface nobody saw"),
         "num_gaussians": _value(part.num_gaussians, "measured", "of both states"),
-        "diagnostics": {k: _value(v, "fitted", "optimiser") for k, v in part.diagnostics.items()},
+        "diagnostics": {k: _value(v, "fitted", "optimiser")
+                        for k, v in part.diagnostics.items() if math.isfinite(v)},
     }
 
 

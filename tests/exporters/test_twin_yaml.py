@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from pathlib import Path
 
 import mujoco
@@ -12,6 +13,7 @@ from synth import toy_cabinet_twin
 
 from part2gs_robotics.errors import CheckError
 from part2gs_robotics.exporters.mjcf import write_mjcf
+from part2gs_robotics.exporters.read_twin import read_twin
 from part2gs_robotics.exporters.twin_yaml import read_twin_yaml, write_twin_yaml
 
 
@@ -71,6 +73,17 @@ def test_diagnostics_come_back(tmp_path: Path) -> None:
     summary = read_twin_yaml(tmp_path)
     assert summary.diagnostics("part_1")["vector_field_loss"] == 1e-4
     assert summary.diagnostics("nobody") == {}
+
+
+@pytest.mark.parametrize("unknown", [math.nan, math.inf])
+def test_a_diagnostic_that_nobody_knows_is_not_written(tmp_path: Path, unknown: float) -> None:
+    twin = toy_cabinet_twin(1)
+    base, part = twin.parts
+    paid = dataclasses.replace(part, diagnostics=part.diagnostics | {"prices_saved": unknown})
+    other = dataclasses.replace(twin, parts=(base, paid))
+    write_mjcf(other, tmp_path)
+    write_twin_yaml(other, tmp_path)
+    assert read_twin(tmp_path).parts[1].diagnostics == part.diagnostics
 
 
 @pytest.mark.parametrize(
