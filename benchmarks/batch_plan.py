@@ -1,7 +1,7 @@
 """What 10,000 scenes would cost, from measured builds: the table of docs/batch.md.
 
-    python benchmarks/batch_plan.py --twin out/demo  # measure a finished twin's folder and print
-    python benchmarks/batch_plan.py                  # print from the stored figures
+    python benchmarks/batch_plan.py --twin out/demo  # measure a finished twin's folder as well
+    python benchmarks/batch_plan.py                  # from the stored figures
 
 Seconds and outcomes are those of benchmarks/results/suite.json and photos.json (two CPU cores per
 build), losses of workers those of batch.json. Only the prices are assumed, and said to be.
@@ -14,9 +14,13 @@ import json
 import sys
 from pathlib import Path
 
+from reconstruction_suite import insert
+
 RESULTS = Path(__file__).resolve().parent / "results"
 SCENES = 10_000
 CORES = 2  # per build, as in the suite
+PAGE = RESULTS.parent.parent / "docs/batch.md"
+MARKS = "<!-- plan10k:begin -->", "<!-- plan10k:end -->"
 HOSTS = 32  # machines of the plan
 HOST_CORES = 32  # of each
 CORE_HOUR = 0.04  # assumed: dollars per core and hour of a rented machine, 2025
@@ -85,13 +89,14 @@ def markdown(found: dict[str, object] | None = None) -> str:
 
 
 def main() -> int:
-    """Measure a twin's folder if one is given, and print the table."""
+    """Measure a twin's folder if one is given, print the table and write it into its page."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--twin", type=Path, help="folder of a finished build")
     given = parser.parse_args()
     if given.twin:
         (RESULTS / "batch_plan.json").write_text(json.dumps(measured(given.twin), indent=1) + "\n")
     sys.stdout.write(markdown())
+    PAGE.write_text(insert(PAGE.read_text(), markdown(), *MARKS))
     return 0
 
 
