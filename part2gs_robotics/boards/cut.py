@@ -41,8 +41,8 @@ class Belief:
     outside: Mask
 
 
-def inside_cells(cells: Cells, belief: Belief, worth: F64 | float = 0.0) -> Mask:
-    """Return [C] which cells are inside.
+def inside_cells(cells: Cells, belief: Belief, worth: F64 | float = 0.0) -> tuple[Mask, float]:
+    """Return [C] which cells are inside, and what they gain less what their faces cost.
 
     Args:
         cells: to choose from.
@@ -54,7 +54,8 @@ def inside_cells(cells: Cells, belief: Belief, worth: F64 | float = 0.0) -> Mask
                       np.float64)
     one, two, cost = _faces(cells, belief.surface)
     ties = coo_matrix((np.r_[cost, cost], (np.r_[one, two], np.r_[two, one])), (count, count))
-    return _cut(gain, ties.tocsr())
+    inside = _cut(gain, ties.tocsr())
+    return inside, float(gain[inside].sum() - cost[inside[one] != inside[two]].sum())
 
 
 def _faces(cells: Cells, surface: F32) -> tuple[I64, I64, F64]:

@@ -8,6 +8,7 @@ through their cells takes those that the photos ask for.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -41,19 +42,17 @@ class Family:
     offsets: F64
 
 
-def families(surface: Facets, flux: F64, observed: F64, edges: F64, voxel: float,
+def families(normals: Sequence[F64], surface: Facets, flux: F64, voxel: float,
              ) -> tuple[Family, ...]:
     """Return families of planes that may bound a part.
 
     Args:
+        normals: [3] unit directions of walls.
         surface: all faces with smoothed normals.
         flux: [F, 3] areas times the faces' own normals.
-        observed: [F] share 0..1 of every face that photos saw.
-        edges: [E, 3] unit directions of straight edges.
         voxel: of the grid that the surface came from.
     """
-    normals, found = _directions(surface, observed, edges), []
-    normals += _tilted(normals, surface, observed, voxel)
+    found: list[Family] = []
     if not normals:
         return ()
     facing = np.abs(surface.normals @ np.array(normals).T)
@@ -86,8 +85,15 @@ def flat_share(surface: Facets, found: tuple[Family, ...], observed: F64, voxel:
     return float(weights @ flat / max(weights.sum(), 1e-300))
 
 
-def _tilted(normals: list[F64], surface: Facets, observed: F64, voxel: float) -> list[F64]:
-    """Return directions of walls a few degrees off those found."""
+def tilted(normals: Sequence[F64], surface: Facets, observed: F64, voxel: float) -> list[F64]:
+    """Return directions of walls that may lie a few degrees off those found.
+
+    Args:
+        normals: [3] unit directions found.
+        surface: all faces with smoothed normals.
+        observed: [F] share 0..1 of every face that photos saw.
+        voxel: of the grid that the surface came from.
+    """
     weights, found = surface.areas * np.maximum(observed, 1e-3), list[F64]()
     for normal in normals:
         for tilt in tilts(normal, surface, weights, SHARE * float(weights.sum()), voxel):
@@ -96,8 +102,14 @@ def _tilted(normals: list[F64], surface: Facets, observed: F64, voxel: float) ->
     return found[:MOST_TILTS]
 
 
-def _directions(surface: Facets, observed: F64, edges: F64) -> list[F64]:
-    """Return unit normals of walls, the most observed first."""
+def directions(surface: Facets, observed: F64, edges: F64) -> list[F64]:
+    """Return [3] unit normals of walls, the most observed first.
+
+    Args:
+        surface: all faces with smoothed normals.
+        observed: [F] share 0..1 of every face that photos saw.
+        edges: [E, 3] unit directions of straight edges.
+    """
     normals, weights = surface.normals, surface.areas * np.maximum(observed, 1e-3)
     total, seeds, made = weights.sum(), half_sphere(), _made(edges)
     found: list[F64] = []
