@@ -6,20 +6,21 @@ equally well. It hangs together with the drawer's front, which only one motion e
 
 from __future__ import annotations
 
+import numba
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
-from scipy.sparse.csgraph import dijkstra
 
 from part2gs_robotics.decide.candidate import Candidate
 from part2gs_robotics.decide.labelling import FOREIGN_COST, NEUTRAL_COST, Unary, label, unary_costs
 from part2gs_robotics.decide.passage import PASS_COST, Seen, passage_costs
 from part2gs_robotics.decide.surrounded import joined
-from part2gs_robotics.evidence.graph import Graph
+from part2gs_robotics.evidence.graph import Graph, ways_from
 from part2gs_robotics.evidence.landing import Landing
 from part2gs_robotics.evidence.study import Study
 from part2gs_robotics.model import se3
-from part2gs_robotics.model.arrays import F64, Labels
+from part2gs_robotics.model.arrays import F64, Labels, Mask
+from part2gs_robotics.runtime.jit import parallel_kernel
 
 Lands = tuple[Landing, Landing]
 PROVEN = 0.25  # landing cost: a fair match, well below an unobserved place
@@ -126,11 +127,24 @@ def _core(proofs: NDArray[np.bool_], graph: Graph) -> NDArray[np.bool_]:
     """Return the proofs amid proofs; a part that has no wide patch of them keeps narrow ones."""
     fewest = KEPT * proofs.sum()
     for _ in range(SHELLS):
-        inner = proofs & (proofs[graph.neighbors].mean(1) >= AGREED)
+        inner = np.zeros_like(proofs)
+        _amid(proofs, graph.neighbors, AGREED, inner)
         if inner.sum() < fewest:
             break
         proofs = inner
     return proofs
+
+
+@parallel_kernel
+def _amid(proofs: Mask, neighbors: NDArray[np.int32], agreed: float, out: Mask) -> None:
+    """Mark the proofs of whose neighbours such a share are proofs."""
+    ring = neighbors.shape[1]
+    for i in numba.prange(len(proofs)):
+        if proofs[i]:
+            count = 0
+            for n in range(ring):
+                count += proofs[neighbors[i, n]]
+            out[i] = count / ring >= agreed
 
 
 def _far(proven: NDArray[np.bool_], surface: csr_matrix, diag: float, stays: float) -> F64:
@@ -138,12 +152,7 @@ def _far(proven: NDArray[np.bool_], surface: csr_matrix, diag: float, stays: flo
 
     Column 0 is the base: where a part is not clearly nearer, what nothing shows to move stays.
     """
-    reach = REACH * diag
-    ways = np.full(proven.shape, reach)
-    for k, own in enumerate(proven.T):
-        if own.any():
-            way = dijkstra(surface, indices=np.flatnonzero(own), min_only=True, limit=reach)
-            ways[:, k] = np.minimum(way, reach)
+    ways = ways_from(surface, proven, REACH * diag)
     ways[:, 1:] += stays * diag
     behind = ways - ways.min(1, keepdims=True)
     return FAR_COST * np.minimum(behind / (LEAD * diag), 1.0)

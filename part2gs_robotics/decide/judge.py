@@ -82,8 +82,7 @@ class Judge:
 
     def costs(self, motions: Sequence[Joint], hard: Labels) -> F64:
         """Return [N0 + N1] what every surfel's landing costs under its label."""
-        cost = self._unary(motions).cost(np.eye(len(motions) + 1)[hard])
-        return np.asarray(cost[np.arange(len(hard)), hard])
+        return self._unary(motions).own(hard)
 
     def _unary(self, motions: Sequence[Joint]) -> Unary:
         columns = [self.static, *(self._column(h) for h in motions)]

@@ -52,6 +52,17 @@ def _costs(match: F64, target: NDArray[np.int64], miss: F64, far: F64,
 
 
 @parallel_kernel
+def _own_costs(match: F64, target: NDArray[np.int64], miss: F64, far: F64,
+               hard: NDArray[np.int64], out: F64) -> None:
+    """Fill out [N] with what every surfel's landing costs under hard labels."""
+    for i in numba.prange(len(match)):
+        k = hard[i]
+        j = target[i, k]
+        theirs = 1.0 if hard[max(j, 0)] == k else 0.0
+        out[i] = far[i, k] + _cost(match[i, k], j, miss[i, k], theirs)
+
+
+@parallel_kernel
 def _start(match: F64, target: NDArray[np.int64], miss: F64, temperature: float, lean: float,
            out: F32) -> None:
     """Fill out [N, L or more] with soft labels as if every surfel met were of the same part.
@@ -115,6 +126,12 @@ class Unary:
         """Return [N, L] costs given soft labels: a surface carried by another part is no match."""
         out = np.zeros_like(self.match)
         _costs(self.match, self.target, self.miss, self.everywhere, q, out)
+        return out
+
+    def own(self, hard: NDArray[np.int64]) -> F64:
+        """Return [N] what `cost` says of every surfel's own label, given hard ones."""
+        out = np.zeros(len(hard))
+        _own_costs(self.match, self.target, self.miss, self.everywhere, hard, out)
         return out
 
 
@@ -189,8 +206,7 @@ def vanished(unary: Unary, hard: NDArray[np.int64]) -> float:
 
     A motion is proven by what it lands: to put a thing where nobody can see it explains anything.
     """
-    rest, own = (unary.cost(np.eye(unary.match.shape[1])[label])[np.arange(len(hard)), label]
-                 for label in (np.zeros_like(hard), hard))
+    rest, own = (unary.own(label) for label in (np.zeros_like(hard), hard))
     gain = np.maximum(rest - own, 0.0)
     met, miss = unary.target[np.arange(len(hard)), hard], unary.miss[np.arange(len(hard)), hard]
     lands = (met >= 0) & (hard[met] == hard)

@@ -108,21 +108,27 @@ def _layer(points: F64, normals: F64, grid: Grid) -> Mask:
 
 def _meets(points: F64, moves: F64, layer: Mask) -> Mask:
     """Return [N] whether a point is in the layer in any of the poses, maps to cells [P, 4, 4]."""
-    out = np.zeros(len(points), bool)
-    _meet(np.ascontiguousarray(points), moves, layer, out)
+    out, cells = np.zeros(len(points), bool), np.nonzero(layer)
+    if len(cells[0]):
+        box = np.array([(own.min(), own.max()) for own in cells], np.float64)
+        _meet(np.ascontiguousarray(points), moves, layer, box, out)
     return out
 
 
 @parallel_kernel
-def _meet(points: F64, moves: F64, layer: Mask, out: Mask) -> None:
-    nx, ny, nz = layer.shape
+def _meet(points: F64, moves: F64, layer: Mask, box: F64, out: Mask) -> None:
+    """Mark points that come into the layer; box [3, 2]: first and last cell of it."""
     for n in numba.prange(len(points)):
         x, y, z = points[n, 0], points[n, 1], points[n, 2]
         for p in range(len(moves)):
             m = moves[p]
-            u = round(m[0, 0] * x + m[0, 1] * y + m[0, 2] * z + m[0, 3])
-            v = round(m[1, 0] * x + m[1, 1] * y + m[1, 2] * z + m[1, 3])
-            w = round(m[2, 0] * x + m[2, 1] * y + m[2, 2] * z + m[2, 3])
-            if 0 <= u < nx and 0 <= v < ny and 0 <= w < nz and layer[u, v, w]:
+            u = np.rint(m[0, 0] * x + m[0, 1] * y + m[0, 2] * z + m[0, 3])
+            if not box[0, 0] <= u <= box[0, 1]:
+                continue
+            v = np.rint(m[1, 0] * x + m[1, 1] * y + m[1, 2] * z + m[1, 3])
+            if not box[1, 0] <= v <= box[1, 1]:
+                continue
+            w = np.rint(m[2, 0] * x + m[2, 1] * y + m[2, 2] * z + m[2, 3])
+            if box[2, 0] <= w <= box[2, 1] and layer[int(u), int(v), int(w)]:
                 out[n] = True
                 break

@@ -53,12 +53,12 @@ def _given(hard: Labels, unary: Unary, patches: Labels, wanted: Labels, dearest:
     """
     if not len(wanted):
         return hard
-    before = _own(unary, hard)
+    before = unary.own(hard)
     for _ in range(ROUNDS):
         new = hard.copy()
         inside = patches >= 0
         new[inside] = wanted[patches[inside]]
-        after = _own(unary, new)
+        after = unary.own(new)
         worse, costs, sizes = (np.bincount(patches[inside], w, len(wanted))
                                for w in ((after - before)[inside], after[inside], None))
         dear = costs / np.maximum(sizes, 1) > dearest
@@ -121,9 +121,3 @@ def _islands(hard: Labels, graph: Graph, normals: F64) -> tuple[Labels, Labels]:
     amid = (wanted != own) & (around.max(1) >= AMID * around.sum(1)) & (sizes < beside) & flat
     number = np.where(amid, np.cumsum(amid) - 1, -1)
     return number[face], wanted[amid]
-
-
-def _own(unary: Unary, hard: Labels) -> F64:
-    """Return [N] landing cost of every surfel under its label."""
-    costs = unary.cost(np.eye(unary.match.shape[1])[hard])
-    return np.asarray(costs[np.arange(len(hard)), hard])

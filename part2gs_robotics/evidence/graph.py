@@ -20,7 +20,7 @@ from part2gs_robotics.evidence.depth_maps import DepthMaps
 from part2gs_robotics.evidence.surfels import Surfels
 from part2gs_robotics.model.arrays import F32, F64, Mask
 from part2gs_robotics.model.scene import StateViews
-from part2gs_robotics.runtime.jit import parallel_kernel
+from part2gs_robotics.runtime.jit import kernel, parallel_kernel
 
 NEIGHBORS = 10  # of the surfel graph: a full ring on a surface sampled by voxels
 THROUGH = 0.0  # cosine of normals: a way goes round an edge, not through a thin wall
@@ -71,6 +71,70 @@ def ways_along(states: tuple[Surfels, Surfels], graph: Graph) -> csr_matrix:
     one_way = csr_matrix((gaps[same_side], (rows[same_side], cols[same_side])),
                          shape=(len(points), len(points)))
     return one_way.maximum(one_way.T)
+
+
+def ways_from(surface: csr_matrix, starts: Mask, reach: float) -> F64:
+    """Return [N, L] the shortest way along the surface from any start of each label.
+
+    Args:
+        surface: [N, N] distances between neighbours, see `ways_along`.
+        starts: [N, L] where ways begin.
+        reach: farthest, which is also what lies farther or hangs together with no start.
+    """
+    out = np.full(starts.shape[::-1], reach)
+    _shortest(surface.indptr, surface.indices, surface.data, np.ascontiguousarray(starts.T), out)
+    return np.ascontiguousarray(out.T)
+
+
+@kernel
+def _lift(heap: NDArray[np.int32], keys: F64, size: int, node: int, key: float) -> None:
+    """Put a node into a heap of `size`, the nearest first."""
+    at = size
+    while at > 0 and keys[(at - 1) // 2] > key:
+        heap[at], keys[at] = heap[(at - 1) // 2], keys[(at - 1) // 2]
+        at = (at - 1) // 2
+    heap[at], keys[at] = node, key
+
+
+@kernel
+def _sink(heap: NDArray[np.int32], keys: F64, size: int) -> None:
+    """Move the last of `size` + 1 to the place of the first, which was taken."""
+    node, key, at = heap[size], keys[size], 0
+    while 2 * at + 1 < size:
+        child = 2 * at + 1
+        if child + 1 < size and keys[child + 1] < keys[child]:
+            child += 1
+        if keys[child] >= key:
+            break
+        heap[at], keys[at] = heap[child], keys[child]
+        at = child
+    heap[at], keys[at] = node, key
+
+
+@parallel_kernel
+def _shortest(first: NDArray[np.int32], nodes: NDArray[np.int32], gaps: F64, starts: Mask,
+              out: F64) -> None:
+    """Fill out [L, N], given with the farthest way, by Dijkstra's algorithm from every label."""
+    for label in numba.prange(len(starts)):
+        way, size = out[label], 0
+        heap, keys = np.zeros(len(nodes) + len(way), np.int32), np.zeros(len(nodes) + len(way))
+        for i in range(len(way)):
+            if starts[label, i]:
+                way[i] = 0.0
+                heap[size] = i  # all alike: a heap in any order
+                size += 1
+        while size > 0:
+            i, key = heap[0], keys[0]
+            size -= 1
+            _sink(heap, keys, size)
+            if key > way[i]:
+                continue  # reached on a shorter way since
+            for n in range(first[i], first[i + 1]):
+                there = key + gaps[n]
+                if there < way[nodes[n]]:
+                    way[nodes[n]] = there
+                    _lift(heap, keys, size, nodes[n], there)
+                    size += 1
 
 
 def bonds(states: tuple[Surfels, Surfels], graph: Graph, maps: tuple[DepthMaps, DepthMaps],

@@ -62,6 +62,16 @@ def test_meeting_a_surfel_that_another_part_carries_costs_more():
     assert cost[1] == pytest.approx([FREE_COST, NEUTRAL_COST])
 
 
+def test_what_hard_labels_cost_each_is_a_column_of_what_soft_ones_do():
+    rng = np.random.default_rng(0)
+    count, labels = 60, 3
+    unary = Unary(rng.random((count, labels)), rng.integers(-1, count, (count, labels)),
+                  rng.random((count, labels)), 0.2 * rng.random((count, labels)))
+    hard = rng.integers(0, labels, count)
+    every = unary.cost(np.eye(labels)[hard])
+    np.testing.assert_allclose(unary.own(hard), every[np.arange(count), hard], rtol=1e-14)
+
+
 def test_neighbours_outvote_a_neutral_surfel_but_not_a_clear_one():
     n = 11
     neighbors = np.array([[j for j in range(n) if j != i] for i in range(n)])

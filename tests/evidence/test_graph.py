@@ -5,8 +5,11 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import pytest
+from scipy.sparse import csr_matrix
+from scipy.sparse.csgraph import dijkstra
 
-from part2gs_robotics.evidence.graph import bonds, build_graph
+from part2gs_robotics.evidence.graph import bonds, build_graph, ways_from
 
 
 def test_the_graph_stays_within_a_state_and_prefers_alike_normals(slid):
@@ -50,3 +53,23 @@ def test_a_line_in_the_photos_is_a_seam(slid):
     n0 = len(pair[0])
     changed = (after[:n0] < 0.9 * before[:n0]) & (before[:n0] > 0.1)
     assert 0.01 < changed.mean() < 0.5
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_ways_from_many_starts_are_those_of_scipy(seed):
+    """Sums along a way are the same whoever finds it, so the shortest is to the last bit."""
+    rng = np.random.default_rng(seed)
+    count, labels, reach = 200, 4, 0.8
+    rows, cols = rng.integers(0, count, (2, 500))
+    gaps = rng.random(500) ** 2 * (rng.random(500) > 0.05)  # some touch
+    one_way = csr_matrix((gaps, (rows, cols)), (count, count))
+    surface = one_way.maximum(one_way.T)
+    starts = rng.random((count, labels)) < 0.02
+    starts[:, 2] = False  # a label without any start
+    starts[:, 3] = rng.random(count) < 0.5
+    found = ways_from(surface, starts, reach)
+    assert (found[:, 2] == reach).all()
+    for k in (0, 1, 3):
+        ways = dijkstra(surface, indices=np.flatnonzero(starts[:, k]), min_only=True, limit=reach)
+        assert np.array_equal(found[:, k], np.minimum(ways, reach))
+    assert 0.0 < found[:, 0].max() <= reach
