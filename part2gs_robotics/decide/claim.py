@@ -152,7 +152,8 @@ def _far(proven: NDArray[np.bool_], surface: csr_matrix, diag: float, stays: flo
 
     Column 0 is the base: where a part is not clearly nearer, what nothing shows to move stays.
     """
-    ways = ways_from(surface, proven, REACH * diag)
+    # What lags more costs all, whatever its way; twice, as sums are rounded.
+    ways = ways_from(surface, proven, REACH * diag, 2.0 * (LEAD + stays) * diag)
     ways[:, 1:] += stays * diag
     behind = ways - ways.min(1, keepdims=True)
     return FAR_COST * np.minimum(behind / (LEAD * diag), 1.0)

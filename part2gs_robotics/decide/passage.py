@@ -63,6 +63,8 @@ def passage_costs(seen: Seen, asked: NDArray[np.int64], joints: Sequence[Joint],
     layers = {k: _layer(placed[k][0][proofs[:, k]], placed[k][1][proofs[:, k]], grid)
               for k in labels if k}
     corners = _corners(seen.points)
+    boxes = {k: _box(layer) for k, layer in layers.items()}
+    about = [points[asked] for points, _ in placed]
     hits = np.zeros((len(asked), len(joints) + 1), bool)
     for k, other in permutations(labels, 2):
         if not other or not proofs[:, other].any():  # whatever stands still was seen twice
@@ -70,8 +72,10 @@ def passage_costs(seen: Seen, asked: NDArray[np.int64], joints: Sequence[Joint],
         poses = sweep(other, k, joints, parents, corners, STEP * cell)
         moves = index_move(grid, poses, Grid(np.zeros(3), 1.0, grid.shape))
         own = placed[k][0][proofs[:, k]]
-        if not k or len(own) == 0 or _meets(own, moves, layers[other]).mean() < REAL:
-            hits[:, k] |= _meets(placed[k][0][asked], moves, layers[other])
+        layer, box = layers[other], boxes[other]
+        if not k or len(own) == 0 or _meets(own, moves, layer, box).mean() < REAL:
+            left = ~hits[:, k]
+            hits[left, k] = _meets(about[k][left], moves, layer, box)
     return PASS_COST * (hits - hits.min(1, keepdims=True).astype(float))
 
 
@@ -106,12 +110,17 @@ def _layer(points: F64, normals: F64, grid: Grid) -> Mask:
     return out
 
 
-def _meets(points: F64, moves: F64, layer: Mask) -> Mask:
+def _box(layer: Mask) -> F64:
+    """Return [3, 2] the first and last cell of a layer; last before first where it has none."""
+    flat = layer.any(2)
+    filled = [np.flatnonzero(own) for own in (flat.any(1), flat.any(0), layer.any((0, 1)))]
+    return np.array([(own[0], own[-1]) if len(own) else (1, 0) for own in filled], np.float64)
+
+
+def _meets(points: F64, moves: F64, layer: Mask, box: F64) -> Mask:
     """Return [N] whether a point is in the layer in any of the poses, maps to cells [P, 4, 4]."""
-    out, cells = np.zeros(len(points), bool), np.nonzero(layer)
-    if len(cells[0]):
-        box = np.array([(own.min(), own.max()) for own in cells], np.float64)
-        _meet(np.ascontiguousarray(points), moves, layer, box, out)
+    out = np.zeros(len(points), bool)
+    _meet(np.ascontiguousarray(points), moves, layer, box, out)
     return out
 
 

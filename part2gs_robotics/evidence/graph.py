@@ -73,16 +73,21 @@ def ways_along(states: tuple[Surfels, Surfels], graph: Graph) -> csr_matrix:
     return one_way.maximum(one_way.T)
 
 
-def ways_from(surface: csr_matrix, starts: Mask, reach: float) -> F64:
+def ways_from(surface: csr_matrix, starts: Mask, reach: float, lag: float = np.inf) -> F64:
     """Return [N, L] the shortest way along the surface from any start of each label.
 
     Args:
         surface: [N, N] distances between neighbours, see `ways_along`.
         starts: [N, L] where ways begin.
         reach: farthest, which is also what lies farther or hangs together with no start.
+        lag: a way longer than the shortest of all labels by more is as good as `reach`; what lies
+            behind it lags as much.
     """
-    out = np.full(starts.shape[::-1], reach)
-    _shortest(surface.indptr, surface.indices, surface.data, np.ascontiguousarray(starts.T), out)
+    ways = surface.indptr, surface.indices, surface.data
+    out, latest = np.full(starts.shape[::-1], reach), np.full((1, len(starts)), reach)
+    if np.isfinite(lag):
+        _shortest(*ways, starts.any(1)[None], np.full(len(starts), np.inf), latest)
+    _shortest(*ways, np.ascontiguousarray(starts.T), latest[0] + lag, out)
     return np.ascontiguousarray(out.T)
 
 
@@ -113,16 +118,24 @@ def _sink(heap: NDArray[np.int32], keys: F64, size: int) -> None:
 
 @parallel_kernel
 def _shortest(first: NDArray[np.int32], nodes: NDArray[np.int32], gaps: F64, starts: Mask,
-              out: F64) -> None:
-    """Fill out [L, N], given with the farthest way, by Dijkstra's algorithm from every label."""
+              latest: F64, out: F64) -> None:
+    """Fill out [L, N], given with the farthest way, by Dijkstra's algorithm from every label.
+
+    latest [N]: no way that comes later is followed.
+    """
     for label in numba.prange(len(starts)):
         way, size = out[label], 0
-        heap, keys = np.zeros(len(nodes) + len(way), np.int32), np.zeros(len(nodes) + len(way))
+        heap, keys = np.zeros(len(nodes), np.int32), np.zeros(len(nodes))
         for i in range(len(way)):
             if starts[label, i]:
                 way[i] = 0.0
-                heap[size] = i  # all alike: a heap in any order
-                size += 1
+        for i in range(len(way)):
+            if starts[label, i]:  # before all others, in any order
+                for n in range(first[i], first[i + 1]):
+                    if gaps[n] < min(way[nodes[n]], latest[nodes[n]]):
+                        way[nodes[n]] = gaps[n]
+                        _lift(heap, keys, size, nodes[n], gaps[n])
+                        size += 1
         while size > 0:
             i, key = heap[0], keys[0]
             size -= 1
@@ -131,7 +144,7 @@ def _shortest(first: NDArray[np.int32], nodes: NDArray[np.int32], gaps: F64, sta
                 continue  # reached on a shorter way since
             for n in range(first[i], first[i + 1]):
                 there = key + gaps[n]
-                if there < way[nodes[n]]:
+                if there < min(way[nodes[n]], latest[nodes[n]]):
                     way[nodes[n]] = there
                     _lift(heap, keys, size, nodes[n], there)
                     size += 1

@@ -73,3 +73,10 @@ def test_ways_from_many_starts_are_those_of_scipy(seed):
         ways = dijkstra(surface, indices=np.flatnonzero(starts[:, k]), min_only=True, limit=reach)
         assert np.array_equal(found[:, k], np.minimum(ways, reach))
     assert 0.0 < found[:, 0].max() <= reach
+    lag = 0.1
+    short = found <= found.min(1, keepdims=True) + lag
+    assert 0.2 < short.mean() < 0.8
+    near = ways_from(surface, starts, reach, lag)
+    assert np.array_equal(near[short], found[short])
+    assert (near[~short] == reach).mean() > 0.9
+    assert (near >= found).all()
