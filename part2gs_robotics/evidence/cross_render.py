@@ -20,6 +20,7 @@ from part2gs_robotics.model.arrays import F32, F64
 from part2gs_robotics.model.gaussians import Gaussians, Splats
 from part2gs_robotics.model.small_views import SmallViews
 from part2gs_robotics.render.dispatch import render
+from part2gs_robotics.render.project import ALPHA_MIN
 from part2gs_robotics.runtime.buffers import Workspace
 from part2gs_robotics.runtime.jit import parallel_kernel
 from part2gs_robotics.runtime.side_by_side import side_by_side
@@ -65,7 +66,8 @@ def cross_cost(
 
 def cross_errors(moved: Splats, views: SmallViews, normals: F64 | None = None) -> Iterator[F32]:
     """Yield [H, W] the cost of every pixel of every view. Arguments as of `cross_cost`."""
-    work = Workspace()
+    work, drawn = Workspace(), moved.opacities >= ALPHA_MIN
+    moved, normals = moved.select(drawn), None if normals is None else normals[drawn]
     for v in range(len(views)):
         behind = None if normals is None else _behind(moved.means, normals, views.viewmats[v])
         out = render(moved, views.camera(v), extra=behind, workspace=work)

@@ -30,12 +30,13 @@ from part2gs_robotics.joints.solver import (
     weighed,
     weights_of,
 )
-from part2gs_robotics.joints.view import Level, add_view
+from part2gs_robotics.joints.view import Level, add_view, reach_of
 from part2gs_robotics.model.arrays import F64, Labels
 from part2gs_robotics.model.gaussians import Gaussians
 from part2gs_robotics.model.joint import Joint
 from part2gs_robotics.model.small_views import SmallViews
-from part2gs_robotics.render.dispatch import render
+from part2gs_robotics.render.dispatch import Near, render
+from part2gs_robotics.render.project import ALPHA_MIN
 from part2gs_robotics.runtime.buffers import Workspace
 from part2gs_robotics.runtime.side_by_side import side_by_side
 
@@ -213,11 +214,14 @@ def _systems(problem: AlignmentProblem, poses: list[Pose], level: Level, patches
         for k, system in enumerate(systems):
             own = splats.means[labels == k + 1]
             system.patches = Patches(own.astype(np.float32)) if patches else None
-        hot = np.eye(len(poses) + 1, dtype=np.float32)[labels]
+        drawn = splats.opacities >= ALPHA_MIN
+        splats, labels = splats.select(drawn), labels[drawn]
+        hot = np.eye(len(poses) + 1, dtype=np.float32)[labels, 1:]
+        near = Near(labels > 0, reach_of(level))
         rates, work = [p.rates(target) for p in poses], Workspace()
         for v in range(len(problem.views[target])):
             photo = problem.views[target].photo(v)
-            out = render(splats, photo.camera, extra=hot, workspace=work)
+            out = render(splats, photo.camera, extra=hot, workspace=work, near=near)
             add_view(systems, rates, out, photo, poses[0].diag, level)
         return systems
 

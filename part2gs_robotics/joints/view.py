@@ -59,6 +59,14 @@ class Level:
     steps: int
 
 
+def reach_of(level: Level) -> int:
+    """Return the pixels around what a part shows that its equations depend on.
+
+    A blur carries a part over its rim, and another one what is around there to it.
+    """
+    return 2 * (int(np.ceil(BLURRED * level.blur)) + 1) + 1  # one more for the slope
+
+
 def add_view(systems: list[System], rates: list[F64], out: Rendered, photo: Photo, diag: float,
              level: Level) -> None:
     """Add one view to the systems of all parts.
@@ -66,14 +74,14 @@ def add_view(systems: list[System], rates: list[F64], out: Rendered, photo: Phot
     Args:
         systems: of parts 1..K, added to.
         rates: of every part, [P, 4, 4] velocity of a point per unit of each parameter.
-        out: the moved Gaussians drawn in this view; extra channels are shares of parts 0..K.
+        out: the moved Gaussians drawn in this view; extra channels are shares of parts 1..K.
         photo: of the state they are moved into.
         diag: diagonal of the object in scene units.
         level: blur and robustness.
     """
     reach = RIM + int(np.ceil(BLURRED * level.blur)) + 1  # one more for the slope
     for k, system in enumerate(systems):
-        window = _window(out, photo, k + 1, reach)
+        window = _window(out, photo, k, reach)
         if window is not None:
             _add_part(system, rates[k], window, diag, level)
 

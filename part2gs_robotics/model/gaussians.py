@@ -37,6 +37,11 @@ class Splats:
         """Return the number of Gaussians."""
         return len(self.means)
 
+    def select(self, index: NDArray[np.bool_] | NDArray[np.int64]) -> Splats:
+        """Return the Gaussians picked by a mask or by indices."""
+        return Splats(self.means[index], self.quats[index], self.scales[index],
+                      self.opacities[index], self.colors[index])
+
 
 @dataclass(frozen=True)
 class Gaussians:

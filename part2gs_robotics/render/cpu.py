@@ -21,7 +21,7 @@ from part2gs_robotics.render.backward_projection import CARRY_SIZE, GRADS, carry
 from part2gs_robotics.render.ellipses import Floats
 from part2gs_robotics.render.forward import FORWARD_SIZE, forward, median_depth
 from part2gs_robotics.render.project import FOV_MARGIN, PACKED, PROJECT_SIZE, project
-from part2gs_robotics.render.rendered import Gradients, Kept, Rendered
+from part2gs_robotics.render.rendered import Gradients, Kept, Near, Rendered
 from part2gs_robotics.render.tiles import (
     PAIR,
     PIECES,
@@ -30,6 +30,7 @@ from part2gs_robotics.render.tiles import (
     TILE_X,
     TILE_Y,
     add_up,
+    ask_near,
     depth_keys,
     list_pairs,
     place_pairs,
@@ -90,7 +91,8 @@ class Saved:
 
 
 def render(splats: Splats, camera: Camera, *, extra: Floats | None = None,
-           background: ArrayLike | None = None, workspace: Workspace | None = None) -> Rendered:
+           background: ArrayLike | None = None, workspace: Workspace | None = None,
+           near: Near | None = None) -> Rendered:
     """Render Gaussians into one pinhole camera.
 
     Args:
@@ -100,6 +102,7 @@ def render(splats: Splats, camera: Camera, *, extra: Floats | None = None,
         background: [3] colour behind everything; black without.
         workspace: buffers to use again. The images and gradients are then valid until the next
             rendering with it only; nothing is allocated once they have grown.
+        near: what of the image is asked for, None = all; tiles farther off stay empty.
 
     Returns:
         The images. A Gaussian with a value that is not finite is left out.
@@ -120,7 +123,11 @@ def render(splats: Splats, camera: Camera, *, extra: Floats | None = None,
     visible = work.take("visible", (n,), np.bool_)
     project(means, quats, scales, opacities, colors, channels, view, lens, width, height,
             _scratch(work, PROJECT_SIZE, np.float64), packed, boxes, visible)
-    pairs = _pairs(packed, boxes, visible, -(-width // TILE_X), -(-height // TILE_Y), work)
+    asked = work.take("asked", (-(-height // TILE_Y), -(-width // TILE_X)), np.bool_)
+    asked[:] = True
+    if near is not None:
+        ask_near(near.own, near.reach, boxes, visible, asked)
+    pairs = _pairs(packed, boxes, visible, asked, work)
     needed = work.take("needed", (len(pairs.tile_first) - 1,), np.int32)
     color, extra_image = (work.take(name, (height, width, c), dtype)
                           for name, c in (("color", 3), ("extra", channels.shape[1])))
@@ -175,26 +182,26 @@ def render_backward(rendered: Rendered, d_color: Floats | None, d_alpha: Floats 
     return g
 
 
-def _pairs(packed: Floats, boxes: NDArray[np.int32], visible: NDArray[np.bool_], tiles_x: int,
-           tiles_y: int, work: Workspace) -> Pairs:
-    """List the Gaussians of every tile."""
+def _pairs(packed: Floats, boxes: NDArray[np.int32], visible: NDArray[np.bool_],
+           asked: NDArray[np.bool_], work: Workspace) -> Pairs:
+    """List the Gaussians of every tile that is asked for."""
     n, threads, dtype = len(packed), numba.get_num_threads(), packed.dtype
     order, seen = _front_to_back(packed, visible, work), int(np.count_nonzero(visible))
     chunks = np.linspace(0, n, threads + 1).astype(np.int64)
     spans = work.take("spans", (threads, SPANS_SIZE), dtype)
     spans[:, RAMP:RAMP + LANES] = np.arange(LANES)
-    histogram = work.take("histogram", (threads, tiles_x * tiles_y), np.int32)
+    histogram = work.take("histogram", (threads, asked.size), np.int32)
     first, counts = work.take("first", (n + 1,), np.int64), np.zeros(threads, np.int64)
     first[0] = 0
     while True:
         listed = work.take("listed", (threads, work.room, PAIR), np.int32)
-        list_pairs(order, seen, packed, boxes, tiles_x, chunks, spans, listed, counts, histogram,
+        list_pairs(order, seen, packed, boxes, asked, chunks, spans, listed, counts, histogram,
                    first)
         if counts.max() <= work.room:
             break
         work.room = int(1.25 * counts.max())  # as Workspace.take grows
     add_up(first)
-    tile_first = work.take("tile_first", (tiles_x * tiles_y + 1,), np.int64)
+    tile_first = work.take("tile_first", (asked.size + 1,), np.int64)
     set_cursors(histogram, tile_first)
     table = work.take("pairs", (int(first[-1]), PAIR), np.int32)
     place_pairs(listed, counts, histogram, first, table)

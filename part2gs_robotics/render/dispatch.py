@@ -13,13 +13,14 @@ from part2gs_robotics.model.gaussians import Splats
 from part2gs_robotics.model.scene import Camera
 from part2gs_robotics.render import cpu as render_cpu
 from part2gs_robotics.render import cuda as render_cuda
-from part2gs_robotics.render.rendered import Floats, Gradients, Rendered
+from part2gs_robotics.render.rendered import Floats, Gradients, Near, Rendered
 from part2gs_robotics.runtime.buffers import Workspace
 from part2gs_robotics.runtime.device import current_device
 
 
 def render(splats: Splats, camera: Camera, *, extra: Floats | None = None,
-           background: ArrayLike | None = None, workspace: Workspace | None = None) -> Rendered:
+           background: ArrayLike | None = None, workspace: Workspace | None = None,
+           near: Near | None = None) -> Rendered:
     """Render Gaussians on the device of the enclosing rendering_on.
 
     Args:
@@ -28,6 +29,7 @@ def render(splats: Splats, camera: Camera, *, extra: Floats | None = None,
         extra: [N, C] further channels to blend.
         background: [3] colour behind everything; black without.
         workspace: buffers to use again, see cpu.render; CUDA has its own.
+        near: what of the image is asked for, None = all; CUDA draws all.
 
     Returns:
         The images: on the CPU in the dtype of means, on CUDA in float32.
@@ -35,7 +37,7 @@ def render(splats: Splats, camera: Camera, *, extra: Floats | None = None,
     if current_device() == "cuda":
         return render_cuda.render(splats, camera, extra=extra, background=background)
     return render_cpu.render(splats, camera, extra=extra, background=background,
-                             workspace=workspace)
+                             workspace=workspace, near=near)
 
 
 def render_backward(rendered: Rendered, d_color: Floats | None, d_alpha: Floats | None = None,
@@ -53,4 +55,4 @@ def render_backward(rendered: Rendered, d_color: Floats | None, d_alpha: Floats 
     return drawn_by.render_backward(rendered, d_color, d_alpha, d_depth, d_extra)
 
 
-__all__ = ["Gradients", "Rendered", "render", "render_backward"]
+__all__ = ["Gradients", "Near", "Rendered", "render", "render_backward"]

@@ -98,9 +98,10 @@ def _blend_tile(pairs: Ints, start: int, end: int, packed: Floats, extra: Floats
         dy = splat(y + f(first) - packed[i, 1])
         _blend(s, packed, i, x - packed[i, 0], dy, first, last)
         for j in range(extra.shape[1]):
-            for row in range(first, last):
-                k, to = row * STRIDE + WEIGHT, np.uint64(j * TILE_Y + row) * np.uint64(LANES)
-                store(channels, to, load(channels, to) + load(s, k) * extra[i, j])
+            if extra[i, j] != 0:  # most Gaussians are of one part
+                for row in range(first, last):
+                    k, to = row * STRIDE + WEIGHT, np.uint64(j * TILE_Y + row) * np.uint64(LANES)
+                    store(channels, to, load(channels, to) + load(s, k) * extra[i, j])
     return end - start
 
 

@@ -12,6 +12,19 @@ from numpy.typing import NDArray
 Floats = NDArray[np.floating]
 
 
+@dataclass(frozen=True)
+class Near:
+    """What of an image is asked for: only what lies near some of the Gaussians.
+
+    Attributes:
+        own: [N] which Gaussians.
+        reach: pixels around each; farther off an image may be empty.
+    """
+
+    own: NDArray[np.bool_]
+    reach: int
+
+
 class Kept(Protocol):
     """What a device keeps of a rendering, for its gradient and for what is asked later."""
 
@@ -28,7 +41,7 @@ class Rendered:
         alpha: [H, W] in [0, 1].
         depth: [H, W] sum of w_i z_i in scene units, not divided by alpha.
         extra: [H, W, C] blended extra channels, C = 0 without any.
-        visible: [N] whether the Gaussian's ellipse touches the image.
+        visible: [N] whether the Gaussian's ellipse touches the image, as far as it was asked for.
         saved: state for render_backward; its type tells the device.
     """
 

@@ -20,6 +20,7 @@ from part2gs_robotics.runtime.simd import LANES, least, load, most, prefetch, ro
 
 Ints = NDArray[np.int32]
 Longs = NDArray[np.int64]
+Mask = NDArray[np.bool_]
 
 TILE_X = LANES
 TILE_Y = 32  # rows: a Gaussian costs only those it covers, and fewer tiles mean fewer pairs
@@ -101,15 +102,43 @@ def set_cursors(histogram: Ints, tile_first: Longs) -> None:
     tile_first[-1] = place
 
 
+@kernel
+def ask_near(own: Mask, reach: int, boxes: Ints, visible: Mask, asked: Mask) -> None:
+    """Mark the tiles [rows, columns] within reach of own Gaussians; hide what touches none."""
+    rows, columns = asked.shape
+    asked[:] = False
+    for i in range(len(own)):
+        if own[i] and visible[i]:
+            for row in range(max(boxes[i, 1] - reach, 0) // TILE_Y,
+                             min((boxes[i, 3] - 1 + reach) // TILE_Y + 1, rows)):
+                for column in range(max(boxes[i, 0] - reach, 0) // TILE_X,
+                                    min((boxes[i, 2] - 1 + reach) // TILE_X + 1, columns)):
+                    asked[row, column] = True
+    for i in range(len(own)):
+        if visible[i]:
+            visible[i] = _touches(asked, boxes, i)
+
+
+@inlined
+def _touches(asked: Mask, boxes: Ints, i: int) -> bool:
+    """Whether the box of Gaussian i lies in a tile that is asked for."""
+    for row in range(boxes[i, 1] // TILE_Y, (boxes[i, 3] - 1) // TILE_Y + 1):
+        for column in range(boxes[i, 0] // TILE_X, (boxes[i, 2] - 1) // TILE_X + 1):
+            if asked[row, column]:
+                return True
+    return False
+
+
 @parallel_kernel
-def list_pairs(order: Longs, seen: int, packed: Floats, boxes: Ints, tiles_x: int, chunks: Longs,
+def list_pairs(order: Longs, seen: int, packed: Floats, boxes: Ints, asked: Mask, chunks: Longs,
                scratch: Floats, listed: Ints, counts: Longs, histogram: Ints, first: Longs) -> None:
     """List the pairs of every chunk in the order of depth, and count them in three ways.
 
     listed [chunks, room, 4]: Gaussian, tile, and the rows of the tile it covers, as far as there is
     room; counts [chunks] pairs, whether there was room or not; histogram of chunks and tiles;
-    first[i + 1] pairs of Gaussian i.
+    first[i + 1] pairs of Gaussian i. asked [rows, columns]: tiles that are drawn.
     """
+    tiles_x = asked.shape[1]
     for chunk in prange(len(chunks) - 1):
         s, place, room = scratch[chunk], 0, listed.shape[1]
         histogram[chunk, :] = 0
@@ -123,8 +152,8 @@ def list_pairs(order: Longs, seen: int, packed: Floats, boxes: Ints, tiles_x: in
                     if j == 0:
                         _spans(packed, i, column, s)
                     y0, y1 = _rows(s, boxes, i, j)
-                    if y1 > y0:
-                        for row in range(y0 // TILE_Y, (y1 - 1) // TILE_Y + 1):
+                    for row in range(y0 // TILE_Y, (y1 - 1) // TILE_Y + 1 if y1 > y0 else 0):
+                        if asked[row, column]:
                             tile = row * tiles_x + column
                             histogram[chunk, tile] += 1
                             if place < room:

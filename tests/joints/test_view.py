@@ -11,7 +11,7 @@ from part2gs_robotics.joints import view as view_file
 from part2gs_robotics.joints.solver import System, at
 from part2gs_robotics.model.joint import Joint
 from part2gs_robotics.model.small_views import small_views
-from part2gs_robotics.render.dispatch import render
+from part2gs_robotics.render.dispatch import Near, render
 
 SIDE, VIEWS, DIAG = 96, 6, 1.2
 JOINT = Joint("revolute", np.array([0.0, 0, -1]), np.array([0.0, -0.05, 0.3]), 0.8)
@@ -26,13 +26,17 @@ def seen(toy):
     off = np.array([0.01, 0.0, -0.01], np.float32) * (owner == 1)[:, None]
     photos = toy.drawn(replace(g, means=g.means + off), Ks, viewmats, SIDE)
     small = small_views(photos, VIEWS, SIDE)
-    hot = np.eye(2, dtype=np.float32)[owner]
-    drawn = [render(g.splats, small.camera(v), extra=hot) for v in range(len(small))]
-    return drawn, small
+    return drawn_of(g.splats, owner, small), small, g.splats, owner
+
+
+def drawn_of(splats, owner, small, near=None):
+    """Return every view of the splats, with the share of part 1."""
+    hot = np.eye(2, dtype=np.float32)[owner, 1:]
+    return [render(splats, small.camera(v), extra=hot, near=near) for v in range(len(small))]
 
 
 def system_of(seen, blur):
-    drawn, small = seen
+    drawn, small, *_ = seen
     pose = at(JOINT, DIAG)
     n = len(pose.offset)
     system = System(np.zeros((n, n)), np.zeros(n))
@@ -60,8 +64,22 @@ def test_a_window_that_is_too_small_tells_something_else(seen, monkeypatch):
     assert system_of(seen, 2.0).error != pytest.approx(right.error, rel=1e-3)
 
 
+@pytest.mark.parametrize("blur", [0.5, 1.0, 2.0])
+def test_what_lies_beyond_reach_of_a_part_tells_nothing(seen, blur):
+    """Equations are the same, to the last bit, where pictures end as far as `reach_of` says."""
+    _, small, splats, owner = seen
+    level = view_file.Level(blur, 0.1, 1)
+    near = drawn_of(splats, owner, small, Near(owner > 0, view_file.reach_of(level)))
+    cut, whole = system_of((near, small), blur), system_of(seen, blur)
+    assert sum((n.alpha == 0).sum() > (w.alpha == 0).sum() for n, w in zip(near, seen[0],
+                                                                           strict=True)) > 0
+    assert cut.count == whole.count > 100
+    np.testing.assert_array_equal(cut.h, whole.h)
+    np.testing.assert_array_equal(cut.g, whole.g)
+
+
 def test_a_part_that_no_pixel_shows_adds_nothing(seen):
-    drawn, small = seen
+    drawn, small, *_ = seen
     pose = at(JOINT, DIAG)
     n = len(pose.offset)
     system = System(np.zeros((n, n)), np.zeros(n))

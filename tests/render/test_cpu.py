@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import cv2
 import numpy as np
 import pytest
 import torch
@@ -11,6 +12,7 @@ from render_reference import render_reference
 from part2gs_robotics.model.gaussians import Splats
 from part2gs_robotics.model.scene import Camera
 from part2gs_robotics.render.cpu import Gradients, Rendered, render, render_backward
+from part2gs_robotics.render.rendered import Near
 
 Array = NDArray[np.float64]
 pytestmark = pytest.mark.usefixtures("one_numba_thread")
@@ -121,6 +123,25 @@ def test_images_and_gradients_equal_reference(kind: str, dtype: type[np.floating
         for name, expected in truth_gradients.items():
             error = np.linalg.norm(getattr(gradients, name) - expected)
             assert error <= gradient_error * np.linalg.norm(expected) + 1e-9, (seed, name)
+
+
+@pytest.mark.parametrize("reach", [0, 7])
+def test_near_some_gaussians_the_image_is_whole_and_elsewhere_it_may_be_empty(reach: int) -> None:
+    camera = Camera(VIEWMAT, np.array([[90.0, 0, 60.0], [0, 90.0, 70.0], [0, 0, 1]]), 128, 150)
+    g = {k: a.astype(np.float32) for k, a in _draw("mixed", 5, n=300).items()}
+    g["scales"] *= 0.2
+    own = np.zeros(300, bool)
+    own[:3] = True
+    whole, cut = (render(_splats(g), camera, extra=g["extra"], near=near)
+                  for near in (None, Near(own, reach)))
+    share = render(_splats(g), camera, extra=own[:, None].astype(np.float32)).extra[..., 0]
+    around = np.ones((2 * reach + 1,) * 2, np.uint8)
+    asked = cv2.dilate((share > 0).astype(np.uint8), around) > 0
+    assert 0.0 < asked.mean() < 0.5
+    for name in IMAGES:
+        np.testing.assert_array_equal(getattr(cut, name)[asked], getattr(whole, name)[asked])
+    assert ((cut.alpha == 0) & (whole.alpha > 0)).mean() > 0.1
+    assert cut.visible.sum() < whole.visible.sum()
 
 
 def test_results_outlive_later_renderings_and_gradients() -> None:
