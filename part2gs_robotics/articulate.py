@@ -25,7 +25,15 @@ from part2gs_robotics.evidence.canonical import Canonical
 from part2gs_robotics.evidence.study import Study, gather
 from part2gs_robotics.joints.align import judged
 from part2gs_robotics.joints.labels import final_labels, labels_under, part_probs, start_labels
-from part2gs_robotics.joints.settle import Photos, Views, aligned, problem_of, settle
+from part2gs_robotics.joints.settle import (
+    Photos,
+    Views,
+    aligned,
+    finely,
+    nearly,
+    problem_of,
+    settle,
+)
 from part2gs_robotics.model.arrays import F64
 from part2gs_robotics.model.joint import Joint
 from part2gs_robotics.model.motion import Motion
@@ -210,10 +218,13 @@ def _settled(judge: Judge, found: Candidate, photos: Photos, config: ArticulateC
             new = kinds_chosen(judge, lowered(judge, left, pool), left)
             found = settle(judge, new, photos, config)
     found = hang(judge, found, config.parts, np.random.default_rng(config.seed))
-    if any(found.parents):
-        found = aligned(judge, found, photos.sharp)
+    carried = any(found.parents)
+    found = nearly(judge, found, photos.sharp) if carried else found
     left = found if config.parts else least(judge, judge.judge(found))
-    return aligned(judge, left, photos.sharp) if len(left) < len(found) else left
+    if len(left) < len(found):
+        return aligned(judge, left, photos.sharp)
+    end = finely(judge, found, photos.sharp) if carried else left
+    return end if config.parts else judge.judge(end)
 
 
 def _about_number(asked: int | None, found: int, short: bool, saves: Sequence[float],

@@ -102,13 +102,25 @@ def _settled(judge: Judge, found: Candidate, photos: Photos, config: ArticulateC
 
 def aligned(judge: Judge, found: Candidate, views: Views) -> Candidate:
     """Return the candidate aligned to the images, carried parts as their carriers take them."""
-    for levels in (FINE[:1], FINE):
-        found = replace(found, labels=claim(judge.study, judge.lands, found)[0])
-        problem = problem_of(judge, found, views)
-        joints = align(problem, found.motions, levels, levels is FINE,
-                       judge.study.clues(problem.labels, len(found)))
-        found = found.with_motions(joints)
-    return found
+    return finely(judge, nearly(judge, found, views), views)
+
+
+def nearly(judge: Judge, found: Candidate, views: Views) -> Candidate:
+    """Return the candidate aligned as far as it takes to tell whether its parts pay."""
+    return _under_claims(judge, found, views, last=False)
+
+
+def finely(judge: Judge, found: Candidate, views: Views) -> Candidate:
+    """Return the candidate aligned for good, given as `nearly` returns it."""
+    return _under_claims(judge, found, views, last=True)
+
+
+def _under_claims(judge: Judge, found: Candidate, views: Views, last: bool) -> Candidate:
+    """Return the candidate labelled anew and aligned; only the last time with deviations."""
+    found = replace(found, labels=claim(judge.study, judge.lands, found)[0])
+    problem = problem_of(judge, found, views)
+    return found.with_motions(align(problem, found.motions, FINE if last else FINE[:1], last,
+                                    judge.study.clues(problem.labels, len(found)) if last else None))
 
 
 def problem_of(judge: Judge, found: Candidate, views: Views) -> AlignmentProblem:
