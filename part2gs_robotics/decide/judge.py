@@ -70,14 +70,16 @@ class Judge:
                  ) -> tuple[Labels, float]:
         """Return the labelling of the surfels under the motions and its cost per surfel."""
         unary = self._unary(motions)
-        hard, energy = label(unary, self.study.graph, unary.resting, starts)
-        return hard, (energy + vanished(unary.resting, hard)) / len(hard)
+        rest = unary.resting
+        hard, energy = label(unary, self.study.graph, rest, starts)
+        return hard, (energy + vanished(rest, hard)) / len(hard)
 
     def _roughly(self, motions: Sequence[Joint]) -> tuple[float, float]:
         """Return what a set costs by a rough labelling, and the start of it that was better."""
         unary = self._unary(motions)
-        hard, energy, start = roughly(unary, self.study.graph, unary.resting)
-        energy += vanished(unary.resting, hard)
+        rest = unary.resting
+        hard, energy, start = roughly(unary, self.study.graph, rest)
+        energy += vanished(rest, hard)
         return self._likely(motions, (hard, energy / len(hard))), start
 
     def costs(self, motions: Sequence[Joint], hard: Labels) -> F64:

@@ -8,7 +8,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from part2gs_robotics.decide.mean_field import NEVER, descend, padded
+from part2gs_robotics.decide.mean_field import NEVER, descend, wide
 from part2gs_robotics.evidence.graph import Graph
 from part2gs_robotics.evidence.landing import FREE_COST, Landing, land
 from part2gs_robotics.evidence.surfels import Surfels
@@ -219,7 +219,7 @@ def _annealed(unary: Unary, neighbors: NDArray[np.int32], weights: F32, lean: fl
               ) -> NDArray[np.int64]:
     """Return hard labels [N] by mean field from one start, `sweeps` per temperature."""
     parts, far = (unary.match, unary.target, unary.miss), unary.everywhere
-    q, cost = padded(np.zeros_like(unary.match), 0.0), padded(np.zeros_like(unary.match), NEVER)
+    q, cost = (wide(*unary.match.shape, fill) for fill in (0.0, NEVER))
     _start(*parts, TEMPERATURES[0], lean, q)
     for temperature in TEMPERATURES:
         _costs(*parts, far, q, cost)

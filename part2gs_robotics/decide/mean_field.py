@@ -15,12 +15,9 @@ NEVER = 1e3  # cost of the labels that fill up a register; costs are of order 1
 LOWEST = -44.0  # exponents below it are as good as it: e^-44 is nothing beside 1 in float32
 
 
-def padded(values: NDArray[np.floating], fill: float) -> F32:
-    """Return [N, width] float32 of [N, L] values, width the next multiple of the lanes."""
-    count, labels = values.shape
-    out = np.full((count, -(-labels // LANES) * LANES), fill, np.float32)
-    out[:, :labels] = values
-    return out
+def wide(count: int, labels: int, fill: float) -> F32:
+    """Return [count, width] float32 of one value, width the next multiple of the lanes."""
+    return np.full((count, -(-labels // LANES) * LANES), fill, np.float32)
 
 
 def descend(cost: F32, q: F32, neighbors: NDArray[np.int32], weights: F32, temperature: float,

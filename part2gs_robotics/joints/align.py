@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 
 import numpy as np
@@ -68,6 +68,15 @@ class AlignmentProblem:
     labels: tuple[Labels, Labels]
     views: tuple[SmallViews, SmallViews]
     diag: float
+    _costs: dict[bytes, float] = field(default_factory=dict, init=False)  # of motions, known so far
+
+    def cost(self, joints: Sequence[Joint]) -> float:
+        """Return the image cost of joints, in both directions alike."""
+        moves = [np.eye(4), *(j.state1_from_0 for j in joints)]
+        key = np.stack(moves).tobytes()
+        if key not in self._costs:
+            self._costs[key] = both_cost(self.gaussians, self.labels, moves, self.views, (0.5, 0.5))
+        return self._costs[key]
 
 
 def align(problem: AlignmentProblem, joints: Sequence[Joint],
@@ -149,18 +158,12 @@ def judged(problem: AlignmentProblem, start: Sequence[Joint], end: Sequence[Join
         margin: share of the image cost by which `start` must be better to be kept.
         change: what came between, for the log.
     """
-
-    def cost(joints: list[Joint]) -> float:
-        return both_cost(problem.gaussians, problem.labels,
-                         [np.eye(4), *(j.state1_from_0 for j in joints)], problem.views,
-                         (0.5, 0.5))
-
     kept = list(end)
     changed = [k for k, (old, new) in enumerate(zip(start, end, strict=True)) if old is not new]
-    best = cost(kept) if changed else 0.0
+    best = problem.cost(kept) if changed else 0.0
     for k in changed:
         trial = [*kept[:k], start[k], *kept[k + 1 :]]
-        value = cost(trial)
+        value = problem.cost(trial)
         logger.info("part %d: image cost %.4f after %s, %.4f before", k + 1, best, change, value)
         if value < (1.0 - margin) * best:
             kept, best = trial, value

@@ -5,10 +5,17 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from part2gs_robotics.decide.mean_field import LOWEST, NEVER, descend, padded
+from part2gs_robotics.decide.mean_field import LOWEST, NEVER, descend, wide
 from part2gs_robotics.runtime.simd import LANES
 
 TEMPERATURES = (0.3, 0.04)
+
+
+def padded(values, fill):
+    """Return [N, width] float32 of [N, L] values."""
+    out = wide(*values.shape, fill)
+    out[:, : values.shape[1]] = values
+    return out
 
 
 def plain(cost, q, neighbors, weights, temperature):
