@@ -219,7 +219,8 @@ def _annealed(unary: Unary, neighbors: NDArray[np.int32], weights: F32, lean: fl
               ) -> NDArray[np.int64]:
     """Return hard labels [N] by mean field from one start, `sweeps` per temperature."""
     parts, far = (unary.match, unary.target, unary.miss), unary.everywhere
-    q, cost = (wide(*unary.match.shape, fill) for fill in (0.0, NEVER))
+    count, labels = unary.match.shape
+    q, cost = (wide(count, labels, fill) for fill in (0.0, NEVER))
     _start(*parts, TEMPERATURES[0], lean, q)
     for temperature in TEMPERATURES:
         _costs(*parts, far, q, cost)

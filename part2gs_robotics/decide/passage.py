@@ -112,7 +112,7 @@ def _layer(points: F64, normals: F64, grid: Grid) -> Mask:
 
 def _box(layer: Mask) -> F64:
     """Return [3, 2] the first and last cell of a layer; last before first where it has none."""
-    flat = layer.any(2)
+    flat: Mask = np.asarray(layer.any(2))
     filled = [np.flatnonzero(own) for own in (flat.any(1), flat.any(0), layer.any((0, 1)))]
     return np.array([(own[0], own[-1]) if len(own) else (1, 0) for own in filled], np.float64)
 

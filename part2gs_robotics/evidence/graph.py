@@ -86,7 +86,7 @@ def ways_from(surface: csr_matrix, starts: Mask, reach: float, lag: float = np.i
     ways = surface.indptr, surface.indices, surface.data
     out, latest = np.full(starts.shape[::-1], reach), np.full((1, len(starts)), reach)
     if np.isfinite(lag):
-        _shortest(*ways, starts.any(1)[None], np.full(len(starts), np.inf), latest)
+        _shortest(*ways, np.asarray(starts.any(1))[None], np.full(len(starts), np.inf), latest)
     _shortest(*ways, np.ascontiguousarray(starts.T), latest[0] + lag, out)
     return np.ascontiguousarray(out.T)
 

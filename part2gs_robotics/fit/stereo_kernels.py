@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from part2gs_robotics.model.arrays import F32, F64
 from part2gs_robotics.runtime.jit import inlined, kernel, parallel_kernel
+from part2gs_robotics.runtime.simd import LANES, Lane, least, load, most, store
 
 TRUNCATED = 0.15  # of the colour range: beyond, a view sees something else, however much
 SMALL_STEP = 0.008  # of the colour range, for a step to the next depth
@@ -80,6 +81,66 @@ def _difference(others: F32, n: int, u: float, v: float, r: float, g: float, b: 
     return total / 3.0 if total < 3.0 * TRUNCATED else TRUNCATED
 
 
+@inlined
+def _between(first: float, last: float, inverse: F64) -> tuple[int, int]:
+    """Return the bins, from one on to before another, of depths between two; none: both alike."""
+    low, high = 0, 0
+    for k in range(len(inverse)):
+        z = 1.0 / inverse[k]
+        if first <= z <= last:
+            low, high = k if high == 0 else low, k + 1
+    return low, high
+
+
+@inlined
+def _look(r: float, g: float, b: float, places: F64, cams: F64, others: F32, n: int, low: int,
+          high: int, seen: F32, at: int) -> None:
+    """Fill the differences of a colour to image n at places low to high, from `at` on."""
+    m00, m01, m02, m03 = cams[n, 0, 0], cams[n, 0, 1], cams[n, 0, 2], cams[n, 0, 3]
+    m10, m11, m12, m13 = cams[n, 1, 0], cams[n, 1, 1], cams[n, 1, 2], cams[n, 1, 3]
+    m20, m21, m22, m23 = cams[n, 2, 0], cams[n, 2, 1], cams[n, 2, 2], cams[n, 2, 3]
+    for k in range(low, high):
+        x, y, z = places[0, k], places[1, k], places[2, k]
+        w = m20 * x + m21 * y + m22 * z + m23
+        u = (m00 * x + m01 * y + m02 * z + m03) / w - 0.5
+        v = (m10 * x + m11 * y + m12 * z + m13) / w - 0.5
+        seen[at + k] = _difference(others, n, u, v, r, g, b)
+
+
+@inlined
+def _sum(seen: F32, at: np.uint64, size: np.uint64, used: int) -> Lane:
+    """Return the sum of `used` rows from a place on, by four sums side by side and the rest."""
+    whole, rest = load(seen, at), 1
+    if used >= 4:
+        one, two = load(seen, at + size), load(seen, at + np.uint64(2) * size)
+        three = load(seen, at + np.uint64(3) * size)
+        rest = used // 4 * 4
+        for n in range(4, rest, 4):
+            whole = whole + load(seen, at + np.uint64(n) * size)
+            one = one + load(seen, at + np.uint64(n + 1) * size)
+            two = two + load(seen, at + np.uint64(n + 2) * size)
+            three = three + load(seen, at + np.uint64(n + 3) * size)
+        whole = (whole + two) + (one + three)
+    for n in range(rest, used):
+        whole = whole + load(seen, at + np.uint64(n) * size)
+    return whole
+
+
+@inlined
+def _least_first(seen: F32, count: int, size: int, used: int, low: int, high: int) -> None:
+    """Put into the first of `count` rows of `size` the sum of the `used` least, least first."""
+    for b in range(low // LANES * LANES, high, LANES):
+        at = np.uint64(b)
+        for one in range(used):
+            here = np.uint64(one * size) + at
+            for two in range(one + 1, count):
+                there = np.uint64(two * size) + at
+                x, y = load(seen, here), load(seen, there)
+                store(seen, here, least(x, y))
+                store(seen, there, most(x, y))
+        store(seen, at, _sum(seen, at, np.uint64(size), used))
+
+
 @parallel_kernel
 def matching_cost(image: F32, first: F32, last: F32, inverse: F64, rays: F64, cams: F64,
                   others: F32, used: int, front: float, cost: F32) -> None:
@@ -98,25 +159,24 @@ def matching_cost(image: F32, first: F32, last: F32, inverse: F64, rays: F64, ca
         cost: [H, W, D] result.
     """
     height, width, bins = cost.shape
+    size = (bins + LANES - 1) // LANES * LANES
     for i in numba.prange(height):
-        seen = np.zeros(len(cams), np.float32)
+        seen, places = np.zeros(len(cams) * size, np.float32), np.zeros((3, bins))
         for j in range(width):
-            r, g, b = image[i, j, 0], image[i, j, 1], image[i, j, 2]
-            for k in range(bins):
+            low, high = _between(first[i, j], last[i, j], inverse)
+            cost[i, j, :low], cost[i, j, high:] = 2 * TRUNCATED, 2 * TRUNCATED
+            if low == high:
+                continue
+            for k in range(low, high):
                 z = 1.0 / inverse[k]
-                if not (first[i, j] <= z <= last[i, j]):
-                    cost[i, j, k] = 2 * TRUNCATED
-                    continue
-                x, y = rays[i, j, 0] * z, rays[i, j, 1] * z
-                for n in range(len(cams)):
-                    m = cams[n]
-                    w = m[2, 0] * x + m[2, 1] * y + m[2, 2] * z + m[2, 3]
-                    u = (m[0, 0] * x + m[0, 1] * y + m[0, 2] * z + m[0, 3]) / w - 0.5
-                    v = (m[1, 0] * x + m[1, 1] * y + m[1, 2] * z + m[1, 3]) / w - 0.5
-                    seen[n] = _difference(others, n, u, v, r, g, b)
-                seen.sort()
+                places[0, k], places[1, k], places[2, k] = rays[i, j, 0] * z, rays[i, j, 1] * z, z
+            r, g, b = image[i, j, 0], image[i, j, 1], image[i, j, 2]
+            for n in range(len(cams)):
+                _look(r, g, b, places, cams, others, n, low, high, seen, n * size)
+            _least_first(seen, len(cams), size, used, low, high)
+            for k in range(low, high):
                 behind = (1.0 / first[i, j] - inverse[k]) / (inverse[0] - inverse[1])
-                cost[i, j, k] = seen[:used].sum() / used + front * max(behind, 0.0)
+                cost[i, j, k] = seen[k] / used + front * max(behind, 0.0)
 
 
 @inlined

@@ -119,8 +119,9 @@ def _under_claims(judge: Judge, found: Candidate, views: Views, last: bool) -> C
     """Return the candidate labelled anew and aligned; only the last time with deviations."""
     found = replace(found, labels=claim(judge.study, judge.lands, found)[0])
     problem = problem_of(judge, found, views)
-    return found.with_motions(align(problem, found.motions, FINE if last else FINE[:1], last,
-                                    judge.study.clues(problem.labels, len(found)) if last else None))
+    clues = judge.study.clues(problem.labels, len(found)) if last else None
+    levels = FINE if last else FINE[:1]
+    return found.with_motions(align(problem, found.motions, levels, last, clues))
 
 
 def problem_of(judge: Judge, found: Candidate, views: Views) -> AlignmentProblem:

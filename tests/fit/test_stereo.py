@@ -11,7 +11,7 @@ from part2gs_robotics.config import FitConfig
 from part2gs_robotics.fit.hull import carve
 from part2gs_robotics.fit.start import first_gaussians
 from part2gs_robotics.fit.stereo import stereo_depths
-from part2gs_robotics.fit.stereo_kernels import aggregate
+from part2gs_robotics.fit.stereo_kernels import TRUNCATED, aggregate, matching_cost
 
 WALL, SIZE, HEIGHT = 0.06, 0.8, 0.5
 CENTRE = np.array([SIZE / 2, SIZE / 2, HEIGHT / 2])
@@ -98,3 +98,40 @@ def test_following_the_slope_of_the_hull_costs_nothing() -> None:
     plain = np.full((8, 30, 3), 0.5, np.float32)
     front = np.repeat(np.arange(30, dtype=np.float32)[None], 8, 0)
     assert (aggregated(cost, plain, front) == slanted).all()
+
+
+@pytest.mark.parametrize(("views", "used"), [(1, 1), (4, 3), (6, 6), (12, 9)])
+def test_a_depth_costs_what_the_views_that_like_it_best_differ_by(views, used) -> None:
+    """Against the plain formula: bilinear colours of each view, the best of them averaged."""
+    rng = np.random.default_rng(views)
+    image, others = (rng.random(size, np.float32) for size in ((3, 4, 3), (views, 9, 11, 3)))
+    others *= 0.2  # near enough to the image for differences below the truncation
+    image *= 0.2
+    inverse, first, last = np.linspace(2.0, 0.5, 13), np.full((3, 4), 0.7), np.full((3, 4), 1.6)
+    first[0, 0], last[0, 0] = 0.0, 0.1  # a ray that misses
+    rays, shifts = rng.uniform(-0.3, 0.3, (3, 4, 2)), rng.uniform(-1.0, 1.0, (views, 2))
+    cams = np.tile(np.array([[9.0, 0, 5.0, 0], [0, 9.0, 4.5, 0], [0, 0, 1, 0]]), (views, 1, 1))
+    cams[:, :2, 3] = shifts
+    cost = np.zeros((3, 4, 13), np.float32)
+    matching_cost(image, first.astype(np.float32), last.astype(np.float32), inverse, rays, cams,
+                  others, used, 0.01, cost)
+    for i, j, k in np.ndindex(cost.shape):
+        z = 1.0 / inverse[k]
+        if not first[i, j] <= z <= last[i, j]:
+            assert cost[i, j, k] == np.float32(2 * TRUNCATED)
+            continue
+        place = np.array([*(rays[i, j] * z), z, 1.0])
+        found = []
+        for cam, other in zip(cams, others, strict=True):
+            u, v = (cam @ place)[:2] / z - 0.5
+            if not (0 <= u < 10 and 0 <= v < 8):
+                found.append(TRUNCATED)
+                continue
+            a, b = int(v), int(u)
+            rows = (1 - v + a) * other[a:a + 2][0] + (v - a) * other[a:a + 2][1]
+            color = (1 - u + b) * rows[b] + (u - b) * rows[b + 1]
+            found.append(min(float(np.abs(color - image[i, j]).mean()), TRUNCATED))
+        behind = max((1 / first[i, j] - inverse[k]) / (inverse[0] - inverse[1]), 0.0)
+        wanted = np.mean(sorted(found)[:used]) + 0.01 * behind
+        assert cost[i, j, k] == pytest.approx(wanted, abs=2e-6)
+    assert len(np.unique(cost)) > 20
