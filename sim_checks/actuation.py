@@ -89,17 +89,15 @@ def _why_not(subject: Subject, joint: DrivenJoint) -> str | None:
 
 def drive(subject: Subject, joint: DrivenJoint) -> Drive:
     """Simulate the drive of one joint, the others held where it needs them: mostly at state 0."""
-    import mujoco
-
     model, data = subject.model, start(subject, joint, LOW)
-    substeps = max(1, round(CONTROL / model.opt.timestep))
+    stepper, substeps = subject.stepper(data), max(1, round(CONTROL / model.opt.timestep))
     count = int(np.ceil((SETTLE + 2 * (TRAVEL + HOLD)) / (substeps * model.opt.timestep)))
     times = np.arange(1, count + 1) * substeps * model.opt.timestep
     targets = joint.low + joint.span * np.array([_profile(t) for t in times])
     qpos = np.full((count, model.nq), np.nan)
     for i, target in enumerate(targets):
         data.ctrl[joint.servo] = target
-        mujoco.mj_step(model, data, substeps)
+        stepper.step(substeps)
         qpos[i] = data.qpos
         if not np.isfinite(data.qpos).all():
             break

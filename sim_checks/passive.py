@@ -94,14 +94,12 @@ def _pushed(
     subject: Subject, data: mujoco.MjData, joint: DrivenJoint, force: float
 ) -> tuple[float, float]:
     """Return the share of the range where a joint is after a push, and the seconds it took."""
-    import mujoco
-
     way, model, began = np.sign(force), subject.model, data.time
     goal = joint.low + (HIGH if way > 0 else LOW) * joint.span
     data.qfrc_applied[joint.dof] = force
-    steps = max(1, round(CONTROL / model.opt.timestep))
+    stepper, steps = subject.stepper(data), max(1, round(CONTROL / model.opt.timestep))
     while data.time - began < PUSH_TIME and way * (goal - data.qpos[joint.qpos]) > 0:
-        mujoco.mj_step(model, data, steps)
+        stepper.step(steps)
     return float(data.qpos[joint.qpos] - joint.low) / joint.span, float(data.time - began)
 
 
@@ -127,9 +125,10 @@ def _let_go(subject: Subject, qpos: F64) -> F64:
     data = mujoco.MjData(subject.model)
     data.qpos[:] = qpos
     furthest = np.zeros(subject.model.nq)
+    stepper = subject.stepper(data)
     steps = max(1, round(CONTROL / subject.model.opt.timestep))
     for _ in range(round(LET_GO / CONTROL)):
-        mujoco.mj_step(subject.model, data, steps)
+        stepper.step(steps)
         furthest = np.maximum(furthest, np.abs(data.qpos - qpos))  # keeps NaN
     return furthest
 

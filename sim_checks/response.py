@@ -140,9 +140,8 @@ def turns_of(speed: F64) -> int:
 
 def run_of(subject: Subject, joint: DrivenJoint, time: float) -> Run:
     """Drive a joint 0 -> 100 -> 0 % in a time each way, with everything on."""
-    import mujoco
-
     model, data = subject.model, start(subject, joint, 0.0)
+    stepper = subject.stepper(data)
     substeps = max(1, round(COMMAND / model.opt.timestep))
     limit = float(np.abs(model.actuator_forcerange[joint.servo]).max())
     fastest, effort, ends = 0.0, 0.0, []
@@ -151,7 +150,7 @@ def run_of(subject: Subject, joint: DrivenJoint, time: float) -> Run:
         while data.time - began < time + REST:
             share = smooth((data.time - began) / time)
             data.ctrl[joint.servo] = joint.low + joint.span * (share if way > 0 else 1 - share)
-            mujoco.mj_step(model, data, substeps)
+            stepper.step(substeps)
             fastest = max(fastest, abs(float(data.qvel[joint.dof])))
             effort = max(effort, abs(float(data.actuator_force[joint.servo])))
         ends.append(float(data.qpos[joint.qpos]))

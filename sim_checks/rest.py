@@ -41,11 +41,9 @@ def check_rest(subject: Subject, stress: bool = False) -> list[CheckResult]:
 
 def _half(subject: Subject, joint: DrivenJoint) -> CheckResult:
     """Hold one joint in the middle of its range."""
-    import mujoco
-
     model, data = subject.model, start(subject, joint, HALF)
     before = float(data.qpos[joint.qpos])
-    mujoco.mj_step(model, data, max(1, round(HALF_TIME / model.opt.timestep)))
+    subject.stepper(data).step(max(1, round(HALF_TIME / model.opt.timestep)))
     way = float(data.qpos[joint.qpos]) - before
     said = ", ".join(warnings_of(data))
     pull = -float(data.qfrc_bias[joint.dof])
@@ -69,14 +67,14 @@ def _driven(subject: Subject) -> F64:
     import mujoco
 
     model, data = subject.model, mujoco.MjData(subject.model)
-    steps = max(1, round(CONTROL / model.opt.timestep))
+    stepper, steps = subject.stepper(data), max(1, round(CONTROL / model.opt.timestep))
     out = np.zeros((round(REPEAT / CONTROL), model.nq))
     for k in range(len(out)):
         for joint in subject.joints:
             if joint.servo >= 0:
                 share = HALF * smooth((k + 1) / len(out))
                 data.ctrl[joint.servo] = joint.low + share * joint.span
-        mujoco.mj_step(model, data, steps)
+        stepper.step(steps)
         out[k] = data.qpos
     return out
 
@@ -90,10 +88,11 @@ def _long(subject: Subject, state: str, qpos: F64) -> list[CheckResult]:
     for joint in subject.joints:
         if joint.servo >= 0:
             data.ctrl[joint.servo] = qpos[joint.qpos]
-    mujoco.mj_step(model, data, round((LONG - 1.0) / model.opt.timestep))
-    track = []
+    stepper = subject.stepper(data)
+    stepper.step(round((LONG - 1.0) / model.opt.timestep))
+    track, still = [], max(1, round(CONTROL / model.opt.timestep))
     for _ in range(round(1.0 / CONTROL)):
-        mujoco.mj_step(model, data, max(1, round(CONTROL / model.opt.timestep)))
+        stepper.step(still)
         track.append(data.qpos.copy())
     moved, said = np.ptp(np.array(track), axis=0), ", ".join(warnings_of(data))
     rows = []

@@ -110,8 +110,6 @@ def _known(value: float) -> float | None:
 
 def run_to_end(subject: Subject, joint: DrivenJoint, step: float, gain: float) -> End:
     """Ramp one joint from 5 % to 95 % and return where it rests; the model stays as it is."""
-    import mujoco
-
     model, a = copy(subject.model), joint.servo
     subject = replace(subject, model=model)
     model.opt.timestep = step
@@ -119,12 +117,13 @@ def run_to_end(subject: Subject, joint: DrivenJoint, step: float, gain: float) -
     model.actuator_biasprm[a, 1] *= gain
     model.actuator_biasprm[a, 2] *= np.sqrt(gain)
     data = start(subject, joint, LOW)
+    stepper = subject.stepper(data)
     per_command = max(1, round(MOVE / COMMANDS / step))
     for k in range(1, COMMANDS + 1):
         share = LOW + (HIGH - LOW) * k / COMMANDS
         data.ctrl[a] = joint.low + share * joint.span
-        mujoco.mj_step(model, data, per_command)
-    mujoco.mj_step(model, data, round(REST / step))
+        stepper.step(per_command)
+    stepper.step(round(REST / step))
     return End(float(data.qpos[joint.qpos]), warnings_of(data))
 
 
@@ -138,12 +137,13 @@ def _hold(subject: Subject) -> list[CheckResult]:
     for name, qpos in (states or {"reference": model.qpos0}).items():
         data = mujoco.MjData(model)
         data.qpos[:] = qpos
+        stepper = subject.stepper(data)
         for joint in subject.joints:
             if joint.servo >= 0:
                 data.ctrl[joint.servo] = qpos[joint.qpos]
-        mujoco.mj_step(model, data, round((HOLD_TIME - 1.0) / model.opt.timestep))
+        stepper.step(round((HOLD_TIME - 1.0) / model.opt.timestep))
         before = data.qpos.copy()
-        mujoco.mj_step(model, data, round(1.0 / model.opt.timestep))
+        stepper.step(round(1.0 / model.opt.timestep))
         said = ", ".join(warnings_of(data))
         for joint in subject.joints:
             rows.append(_fallen(joint, name, float(data.qpos[joint.qpos] - qpos[joint.qpos])))
@@ -193,9 +193,10 @@ def _gained(subject: Subject, qpos: F64, seconds: float) -> tuple[float, tuple[s
             model.body_gravcomp[list(joint.moved)] = 0.0
     model.opt.enableflags |= int(mujoco.mjtEnableBit.mjENBL_ENERGY)
     mujoco.mj_forward(model, data)
+    stepper = replace(subject, model=model).stepper(data)
     first, highest = float(data.energy.sum()), -np.inf
     for _ in range(round(seconds / SAMPLE)):
-        mujoco.mj_step(model, data, max(1, round(SAMPLE / model.opt.timestep)))
+        stepper.step(max(1, round(SAMPLE / model.opt.timestep)))
         highest = max(highest, float(data.energy.sum()))
     gravity = float(np.linalg.norm(model.opt.gravity)) or 9.81
     scale = float(model.body_subtreemass[0]) * gravity * subject.size

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from part2gs_robotics.assets.clear_steps import Shapes, Stepper, shapes_of
 from part2gs_robotics.assets.driven import (
     DrivenJoint,
     driven_joints,
@@ -39,6 +40,7 @@ class Subject:
         around: by index of a joint that waits for others, qpos that these have while it is driven.
         ours: written by this program. Of others what collides counts, not what is seen.
         pairs: bodies that the engine lets meet, None = all.
+        shapes: for steps that look for contacts only where there may be one, None = all do.
     """
 
     model: mujoco.MjModel
@@ -52,10 +54,15 @@ class Subject:
     around: dict[int, F64] = field(default_factory=dict)
     ours: bool = True
     pairs: frozenset[tuple[int, int]] | None = None
+    shapes: Shapes | None = None
 
     def body(self, index: int) -> str:
         """Return the name of a body."""
         return self.model.body(index).name or f"body {index}"
+
+    def stepper(self, data: mujoco.MjData) -> Stepper:
+        """Return what steps a simulation of the model."""
+        return Stepper(self.shapes, self.model, data)
 
     def at(self, positions: dict[int, float], driven: DrivenJoint | None = None) -> F64:
         """Return qpos with joints (by qpos address) set and their followers in place.
@@ -231,6 +238,7 @@ def _geometry(model: mujoco.MjModel, notes: tuple[str, ...], ours: bool) -> Subj
         notes,
         ours=ours,
         pairs=None if ours else meeting_pairs(model),
+        shapes=shapes_of(model),
     )
     size = _size(subject)
     lightened = []
