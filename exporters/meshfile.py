@@ -23,6 +23,7 @@ CREASE = np.cos(np.deg2rad(30.0))  # faces farther apart form an edge; Blender's
 ASSETS = "assets"  # folder of meshes and pictures, as in MuJoCo Menagerie
 KEPT_BYTES = 1 << 16  # files up to that are parsed once: a check reads every piece three times
 KEPT_FILES = 512  # of them, twice the pieces of a large twin
+KEPT_LARGE = 8, 1 << 23  # larger ones and their bytes: visual meshes, parsed three times as well
 MAX_OBJ_BYTES = 1 << 30  # five million triangles with texture take 600 MB
 MOST_PIXELS = 16384  # a side; the largest texture graphics cards take
 FARTHEST = 1e18  # scene units: float32, which every engine takes, still squares it
@@ -202,7 +203,8 @@ def read_obj(path: Path, image: NDArray[np.uint8] | None = None,
                          "million triangles at most; simplify it.")
     data = path.read_bytes()
     try:
-        read = _kept_numbers if len(data) <= KEPT_BYTES else _numbers
+        read = (_kept_numbers if len(data) <= KEPT_BYTES else
+                _kept_large if len(data) <= KEPT_LARGE[1] else _numbers)
         points, uv, corners = read(data)
     except (ValueError, OverflowError) as error:  # 400 digits are no index
         raise CheckError(f"{path}: is not a mesh of triangles ({str(error)[:120]}). Needed OBJ "
@@ -230,6 +232,7 @@ def _numbers(data: bytes) -> tuple[F64, F64, NDArray[np.int64]]:
 
 
 _kept_numbers = lru_cache(maxsize=KEPT_FILES)(_numbers)
+_kept_large = lru_cache(maxsize=KEPT_LARGE[0])(_numbers)
 
 
 def _table(rows: list[str], widths: tuple[int, ...]) -> F64:

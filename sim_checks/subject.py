@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from part2gs_robotics.assets.clear_steps import Shapes, Stepper, shapes_of
+from part2gs_robotics.assets.clear_steps import Shapes, Stepper, same_rules, shapes_of
 from part2gs_robotics.assets.driven import (
     DrivenJoint,
     driven_joints,
@@ -155,7 +155,9 @@ def actuated_twin(passive: Subject, path: Path, options: mujoco.MjOption | None)
     model = _prepared(load_spec(path)[0], options)
     if difference(passive.model, model):
         return make_subject(path, options, servos=False)
-    return replace(passive, model=model, joints=driven_joints(model), states=_states(model))
+    shapes = passive.shapes if same_rules(passive.model, model) else shapes_of(model)
+    return replace(passive, model=model, joints=driven_joints(model), states=_states(model),
+                   shapes=shapes)
 
 
 UNREAL = "a number is out of this world:"

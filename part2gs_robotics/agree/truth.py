@@ -79,13 +79,22 @@ def loose_bits(twin: Twin) -> list[CheckResult]:
         for k, bit in enumerate(bits[1:], 1):
             rest = [b for i, b in enumerate(bits) if i != k]
             rest += [s for n, s in closed.items() if n != name]
-            # beyond three times the limit it is loose, however far
-            gap = min(bit.min_gap(other, 3 * LOOSE * size) for other in rest)
-            if gap / size > worst:
-                worst, where, far = float(gap / size), name, _middle(bit)
+            gap = _gap(bit, rest, size, worst)
+            if gap > worst:
+                worst, where, far = gap, name, _middle(bit)
     text = f"a bit at {far.round(4).tolist()} touches nothing" if where else "all hang together"
     return [measured("loose bits", where, (worst, LOOSE, "of size"), text,
                      f"assets/{where}_visual.obj: remove the bit at {far.round(4).tolist()}")]
+
+
+def _gap(bit: Manifold, rest: list[Manifold], size: float, worst: float) -> float:
+    """Return the smallest gap to others, of the size; the first one no larger than the worst."""
+    gap = np.inf
+    for other in rest:  # beyond three times the limit it is loose, however far
+        gap = min(gap, float(bit.min_gap(other, 3 * LOOSE * size)) / size)
+        if gap <= worst:
+            break
+    return gap
 
 
 def _middle(solid: Manifold) -> F64:

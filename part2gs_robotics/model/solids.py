@@ -219,8 +219,8 @@ def _farthest(points: F64, surface: F64) -> float:
     if not len(surface):
         return np.inf
     tree = cKDTree(surface)
-    spacing = float(tree.query(surface, k=2)[0][:, 1].max())
-    return max(float(tree.query(points)[0].max()) - spacing, 0.0)
+    spacing = float(tree.query(surface, k=2, workers=-1)[0][:, 1].max())
+    return max(float(tree.query(points, workers=-1)[0].max()) - spacing, 0.0)
 
 
 @dataclass(frozen=True)
