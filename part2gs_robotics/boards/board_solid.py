@@ -10,8 +10,9 @@ import numpy as np
 from scipy.ndimage import map_coordinates
 
 from part2gs_robotics.boards.cells import Cells, cells_of
-from part2gs_robotics.boards.cut import Belief, inside_cells
-from part2gs_robotics.boards.facets import smooth_facets
+from part2gs_robotics.boards.cut import Belief, gain_of, inside_cells
+from part2gs_robotics.boards.facets import Facets, smooth_facets
+from part2gs_robotics.boards.fewer import without_idle
 from part2gs_robotics.boards.outlines import Outlines, drawn_to_outlines
 from part2gs_robotics.boards.planes import Family, directions, families, flat_share, tilted
 from part2gs_robotics.boards.polyhedra import convex_cells, joined
@@ -21,7 +22,11 @@ from part2gs_robotics.model.solids import arrays
 if TYPE_CHECKING:
     from manifold3d import Manifold
 
-TILT = 0.06  # of the seen surface, by voxels: noise of depths gave 0.01 to 0.055, walls 0.07 to 0.1
+TILT = 0.22  # of the seen surface: noise of depths gave 0.09 to 0.19, walls 0.25 to 0.5
+FACES = 2.0  # times what faces a tilt's way, beside what it explains: 0.11 and more of it in walls
+PLANE = 0.001  # of it, what a plane must explain: at none, parts have 1.3 times the triangles
+ROUNDS = 12  # of looking for planes that go: parts took two to eight
+ITS_WAY = np.cos(np.deg2rad(3.0))  # of a tilt: twice the noise of smoothed normals
 MOSTLY = 0.45  # of the observed surface: parts of boards had 0.48 to 0.93, curved ones 0.02 to 0.6
 
 
@@ -95,34 +100,29 @@ def board_solid(belief: Belief, vertices: F64, faces: I64, edges: F64) -> BoardS
     def planes(normals: Sequence[F64]) -> tuple[Family, ...]:
         return families(normals, surface, flux, grid.voxel)
 
-    found = planes([*normals, *tilted(normals, surface, observed, grid.voxel)])
+    tilts = tilted(normals, surface, observed, grid.voxel)
+    found = planes([*normals, *tilts])
     flat = flat_share(surface, found, observed, grid.voxel)
     if flat < MOSTLY:
         return _of_cells(belief, cells_of(grid, ()), 0.0, flat)
-    price = TILT * float(surface.areas @ observed) / grid.voxel**2
-    normals = _with_tilts(normals, found, planes, belief, price)
+    normals = _with_tilts(normals, tilts, planes, belief, surface, observed)
     return _of_cells(belief, cells_of(grid, planes(normals)), 0.0, flat)
 
 
-def _with_tilts(normals: list[F64], found: Sequence[Family],
+def _with_tilts(normals: list[F64], tilts: Sequence[F64],
                 planes: Callable[[Sequence[F64]], tuple[Family, ...]], belief: Belief,
-                price: float) -> list[F64]:
-    """Return directions with those a few degrees off that explain what photos saw so much better.
+                surface: Facets, observed: F64) -> list[F64]:
+    """Return directions with those a few degrees off that photos speak for.
 
-    Args:
-        normals: of the main walls.
-        found: families of planes of those and of all tilts.
-        planes: makes families of directions.
-        belief: what photos say.
-        price: what a tilt must gain, in voxels of full belief.
+    A tilt is worth what it lets planes explain better, and the surface that faces its way: a bulge
+    has some of the one, a wall of both.
     """
-    tilts = [family.normal for family in found
-             if not any(family.normal is normal for normal in normals)]
     best = inside_cells(cells_of(belief.grid, planes(normals)), belief)[1] if tilts else 0.0
-    kept = list(normals)
+    kept, seen = list(normals), float(surface.areas @ observed)
     for tilt in tilts:
         gain = inside_cells(cells_of(belief.grid, planes([*kept, tilt])), belief)[1]
-        if gain > best + price:
+        faces = float(surface.areas @ (observed * (np.abs(surface.normals @ tilt) > ITS_WAY)))
+        if (gain - best) * belief.grid.voxel**2 + FACES * faces > TILT * seen:
             kept, best = [*kept, tilt], gain
     return kept
 
@@ -132,11 +132,33 @@ def filled(solid: BoardSolid, worth: F64) -> BoardSolid:
 
     Args:
         solid: of a part.
-        worth: [C] in voxels of full belief.
+        worth: [X, Y, Z] in voxels of full belief.
     """
     if solid.curved:
         return solid
     return _of_cells(solid.belief, solid.cells, worth, solid.flat)
+
+
+def paying(solid: BoardSolid, worth: F64) -> BoardSolid:
+    """Return the solid of those planes alone that explain enough of what speaks for its cells.
+
+    Args:
+        solid: of a part.
+        worth: [X, Y, Z] what else speaks for them, in voxels of full belief.
+    """
+    if solid.curved:
+        return solid
+    cells, belief, price = solid.cells, solid.belief, PLANE * float(solid.belief.surface.sum())
+    inside, best = inside_cells(cells, belief, worth)
+    for _ in range(ROUNDS):
+        fewer = cells_of(belief.grid, without_idle(cells, inside, gain_of(cells, belief, worth),
+                                                   price))
+        gone = cells.planes - fewer.planes
+        inside, rest = inside_cells(fewer, belief, worth)
+        if not gone or rest < best - gone * price:
+            break
+        cells, best = fewer, rest
+    return _of_cells(belief, cells, worth, solid.flat)
 
 
 def _of_cells(belief: Belief, cells: Cells, worth: F64 | float, flat: float) -> BoardSolid:

@@ -32,6 +32,11 @@ class Cells:
         """Number of cells."""
         return len(self.digits)
 
+    @property
+    def planes(self) -> int:
+        """Number of planes."""
+        return sum(len(family.offsets) for family in self.families)
+
 
 def cells_of(grid: Grid, families: tuple[Family, ...]) -> Cells:
     """Return the cells that planes cut a grid's box into."""

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from part2gs_robotics.boards.board_solid import BoardSolid, board_solid, filled, refined
+from part2gs_robotics.boards.board_solid import BoardSolid, board_solid, filled, paying, refined
 from part2gs_robotics.boards.cut import Belief
 from part2gs_robotics.boards.outlines import Outlines
 from part2gs_robotics.boards.rest import with_rest
@@ -43,7 +43,8 @@ ENCLOSED = 0.1  # belief per voxel that nearly every view says is inside a part,
 REST = 0.02  # the same of what nobody saw of the base: walls rather stand than hang
 PLAIN = 0.07  # voxels that simplifying may move a surface: two keep to the 0.15 between parts
 ROOM = 0.5  # voxels kept free round what moves
-FILLINGS = 2  # times that rays which nothing stops are looked for
+FILLINGS = 6  # times that rays which nothing stops raise what stopping them is worth
+STEPS = 0.5  # voxels: a stair of steps one cell high, a slope to the planes, lies within
 SAME = np.cos(np.deg2rad(1.5))  # directions of edges that are one
 
 
@@ -77,28 +78,32 @@ def board_surfaces(place: Place, evidence: Sequence[Fused], wholes: Sequence[Sol
         MeshError: a part has no closed surface.
     """
     boards, smooth = _cut_out(place, evidence, wholes, edges)
-    worth = [np.zeros(len(board.cells)) for board in boards]
+    worth = [np.zeros(board.cells.grid.shape) for board in boards]
     for _ in range(FILLINGS):
         more = unstopped(boards, place, maps)
         worth = [old + new for old, new in zip(worth, more, strict=True)]
-        boards = [filled(board, gain) for board, gain in zip(boards, worth, strict=True)]
+        boards = [filled(board, gain) if new.any() else board
+                  for board, gain, new in zip(boards, worth, more, strict=True)]
+    boards = [paying(board, gain) for board, gain in zip(boards, worth, strict=True)]
     boards = [_drawn(board, k, place, maps) for k, board in enumerate(boards)]
     boards = [with_rest(board, *own, wanted) for board, own, wanted
               in zip(boards, smooth, missed(boards, place, maps), strict=True)]
     surfaces = [_closed(board, smooth[k][0], k) for k, board in enumerate(boards)]
     voxel = wholes[0].grid.voxel
+    surfaces = [surface if board.curved else _simpler(surface, STEPS * voxel, voxel)
+                for board, surface in zip(boards, surfaces, strict=True)]
     # What clears curved parts of others is their grid alone, by less than outlines move them.
     curved = [k for k, board in enumerate(boards) if board.curved and k]
     surfaces, bends = to_outlines(surfaces, place, maps, voxel, curved)
     pieces = [moved_pieces(board.pieces, bend) for board, bend in zip(boards, bends, strict=True)]
     apart = all_apart(surfaces, pieces, place, voxel)
     apart = shut(apart, pieces, place, maps, voxel)
-    return [_plain(surface, voxel) for surface in apart]
+    return [_simpler(surface, PLAIN * voxel, voxel) for surface in apart]
 
 
-def _plain(surface: Manifold, voxel: float) -> Manifold:
-    """Return a surface without vertices that hardly shape it."""
-    fewer = vertices_apart(surface.simplify(PLAIN * voxel), voxel)
+def _simpler(surface: Manifold, moved: float, voxel: float) -> Manifold:
+    """Return a surface without vertices that shape it by less than so much."""
+    fewer = vertices_apart(surface.simplify(moved), voxel)
     return fewer if flaw(fewer) is None else surface
 
 

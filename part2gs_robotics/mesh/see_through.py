@@ -30,14 +30,14 @@ RIM = 1  # pixels at outlines and rims of holes: there the twin may be off by as
 
 def unstopped(boards: Sequence[BoardSolid], place: Place,
               maps: Sequence[PartMaps]) -> list[F64]:
-    """Return per part [C] what its cells are worth to rays that the twin does not stop.
+    """Return per part [X, Y, Z] what voxels are worth to rays that the twin does not stop.
 
     Args:
         boards: of all parts.
         place: of the parts in both states.
         maps: depth and part of every pixel, per state.
     """
-    worth = [np.zeros(len(board.cells)) for board in boards]
+    worth = [np.zeros(board.cells.grid.shape) for board in boards]
     voxel, meshes = boards[0].cells.grid.voxel, [arrays(board.whole) for board in boards]
     for s in (0, 1):
         poses = [place.state1_from_0[k] if s else np.eye(4) for k in range(place.count)]
@@ -122,8 +122,8 @@ def _samples(maps: PartMaps, view: int, holes: Mask, voxel: float) -> tuple[F64,
 
 
 def _give(worth: F64, board: BoardSolid, points: F64, share: F64) -> None:
-    """Add what samples are worth to the cells that they lie in, as far as none sees them free."""
+    """Add what samples are worth to the voxels that they lie in, as far as none sees them free."""
     index, inside = _voxels(board.cells.grid, points)
     x, y, z = index.T
     unseen = 1.0 + np.minimum(board.belief.inside[x, y, z], 0.0)
-    np.add.at(worth, board.cells.of_voxel[x, y, z], share.ravel()[inside] * unseen)
+    np.add.at(worth, (x, y, z), share.ravel()[inside] * unseen)

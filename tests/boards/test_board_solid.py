@@ -4,55 +4,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from skimage.measure import marching_cubes
+from board_room import GRID, VOXEL, box_distance, points, solid_of, surface_of, volume
 
-from part2gs_robotics.boards.board_solid import BoardSolid, board_solid, filled, refined
+from part2gs_robotics.boards.board_solid import BoardSolid, filled, refined
 from part2gs_robotics.boards.cells import cells_of
-from part2gs_robotics.boards.cut import Belief
 from part2gs_robotics.boards.outlines import Outlines
 from part2gs_robotics.boards.planes import Family
 from part2gs_robotics.boards.polyhedra import convex_cells, joined
 from part2gs_robotics.boards.rest import boxes_of, contradicted, with_rest
-from part2gs_robotics.model.arrays import F32, F64, I64, Mask
-from part2gs_robotics.model.grid import Grid
-
-VOXEL = 0.02
-GRID = Grid(np.array([-0.6, -0.6, -0.6]), VOXEL, (61, 61, 61))
-AXES = np.eye(3)
-
-
-def points() -> F64:
-    x, y, z = (GRID.lo[i] + VOXEL * np.arange(n) for i, n in enumerate(GRID.shape))
-    return np.stack(np.meshgrid(x, y, z, indexing="ij"), -1)
-
-
-def box_distance(half: F64, middle: F64 | None = None) -> F64:
-    """Return [X, Y, Z] distance to a box, positive inside."""
-    away = np.abs(points() - (np.zeros(3) if middle is None else middle)) - half
-    outside = np.linalg.norm(np.maximum(away, 0), axis=-1)
-    return -(outside + np.minimum(away.max(-1), 0))
-
-
-def belief_of(distance: F64) -> Belief:
-    inside = np.clip(distance / VOXEL, -1, 1).astype(np.float32)
-    surface = (np.abs(distance) < 1.2 * VOXEL).astype(np.float32)
-    return Belief(GRID, inside, surface, distance < -2 * VOXEL)
-
-
-def surface_of(distance: F64) -> tuple[F64, I64]:
-    vertices, faces, _, _ = marching_cubes(distance, 0.0, spacing=(VOXEL,) * 3)
-    vertices, faces = vertices.astype(np.float64) + GRID.lo, faces.astype(np.int64)
-    tri = vertices[faces]
-    volume = np.einsum("ni,ni->n", tri[:, 0], np.cross(tri[:, 1], tri[:, 2])).sum()
-    return vertices, faces if volume > 0 else faces[:, ::-1]
-
-
-def solid_of(distance: F64) -> BoardSolid:
-    return board_solid(belief_of(distance), *surface_of(distance), AXES)
-
-
-def volume(solid: BoardSolid) -> float:
-    return float(solid.whole.volume())
+from part2gs_robotics.model.arrays import F32, F64, Mask
 
 
 def test_a_noisy_box_is_one_convex_piece_with_twelve_triangles() -> None:
@@ -82,7 +42,7 @@ def test_a_ball_is_curved() -> None:
 
 
 def test_no_cell_is_invented_and_none_is_lost_without_doubt() -> None:
-    families = tuple(Family(axis, np.array([-0.205, 0.195])) for axis in AXES)
+    families = tuple(Family(axis, np.array([-0.205, 0.195])) for axis in np.eye(3))
     cells = cells_of(GRID, families)
     assert len(cells) == 27
     middle = (cells.digits == 1).all(1)
@@ -96,9 +56,9 @@ def test_what_rays_ask_for_fills_a_hole_that_belief_leaves() -> None:
     solid = solid_of(distance)
     doubtful = replace(solid.belief, inside=np.where(
         distance > 0, np.float32(-0.02), solid.belief.inside).astype(np.float32))
-    torn = filled(replace(solid, belief=doubtful), np.zeros(len(solid.cells)))
+    torn = filled(replace(solid, belief=doubtful), np.zeros(GRID.shape))
     assert volume(torn) < 0.1 * volume(solid)
-    full = solid.inside.astype(float)
+    full = (distance > 0).astype(float)
     assert volume(filled(torn, 1e4 * full)) == pytest.approx(volume(solid), rel=1e-6)
 
 

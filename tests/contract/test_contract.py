@@ -108,6 +108,25 @@ def test_pictures_must_be_those_of_their_mesh(tmp_path: Path) -> None:
         looks(folder, read_twin(folder)))
 
 
+@pytest.mark.parametrize(("size", "named"), [(1e-6, 0), (1.0, 1)])
+def test_triangles_of_another_colour_count_by_their_area(tmp_path, size, named) -> None:
+    made = toy_cabinet_twin(1)
+    noise = np.random.default_rng(0).integers(0, 9, (64, 64, 3), np.uint8)
+    mesh = textured(made.parts[0].mesh, np.full((64, 64, 3), 60, np.uint8) + noise)
+    count, end = 3 * len(mesh.faces), len(mesh.vertices)
+    corners = size * np.tile([[0.0, 0, 0], [1, 0, 0], [0, 1, 0]], (count, 1)) + mesh.vertices[0]
+    uv = np.random.default_rng(1).uniform(0.1, 0.9, (count, 3, 2)).astype(np.float32)
+    mixed = replace(
+        mesh, vertices=np.vstack([mesh.vertices, corners]),
+        faces=np.vstack([mesh.faces, end + np.arange(3 * count).reshape(-1, 3)]),
+        colors=np.vstack([mesh.colors, np.full((3 * count, 3), 255, np.uint8)]),
+        texture=replace(mesh.texture, uv=np.concatenate([mesh.texture.uv, uv])))
+    folder = write_all(made, tmp_path / "twin")
+    twin = replace(made, parts=(replace(made.parts[0], mesh=mixed), *made.parts[1:]))
+    off = [r for r in bad(looks(folder, twin)) if r.subject == "assets/base_texture.png"]
+    assert len(off) == named
+
+
 def test_a_picture_is_sampled_upright() -> None:
     image = np.zeros((2, 2, 3), np.uint8)
     image[0, 1] = 255  # above, right
