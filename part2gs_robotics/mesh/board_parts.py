@@ -16,6 +16,7 @@ from part2gs_robotics.boards.rest import with_rest
 from part2gs_robotics.evidence.edges import bundled, edge_families
 from part2gs_robotics.evidence.segments import segments_of
 from part2gs_robotics.mesh.make_room import all_apart, without_bits
+from part2gs_robotics.mesh.rubs import without_rubs
 from part2gs_robotics.mesh.see_through import missed, unstopped
 from part2gs_robotics.mesh.shut import shut
 from part2gs_robotics.mesh.surface import closed_surface, flaw, vertices_apart
@@ -97,7 +98,7 @@ def board_surfaces(place: Place, evidence: Sequence[Fused], wholes: Sequence[Sol
     surfaces, bends = to_outlines(surfaces, place, maps, voxel, curved)
     pieces = [moved_pieces(board.pieces, bend) for board, bend in zip(boards, bends, strict=True)]
     apart = all_apart(surfaces, pieces, place, voxel)
-    apart = shut(apart, pieces, place, maps, voxel)
+    apart = without_rubs(shut(apart, pieces, place, maps, voxel), pieces, place, maps, voxel)
     return [_simpler(surface, PLAIN * voxel, voxel) for surface in apart]
 
 

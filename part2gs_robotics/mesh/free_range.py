@@ -116,7 +116,10 @@ class _Sweep:
         positions[self.moving.index(one)], positions[self.moving.index(two)] = p, q
         placed = part_transforms(self.twin, positions)
         moved = {i: self.solids[i].transform(placed[i][:3]) for i in carried[0] | carried[1]}
-        return any(self._touch(moved[a] ^ moved[b]) for a in carried[0] for b in carried[1])
+        common = (moved[a] ^ moved[b] for a in carried[0] for b in carried[1])
+        # Films that noise left between them stop neither: as thick as CONTACT, and hardly deeper.
+        return any(thickness(both) > FLAKE * self.size and depth(both) > DEEP * self.size
+                   for both in common)
 
     def _touch(self, both: Manifold) -> bool:
         """Return whether an intersection is as thick, or as deep and no flake, as what touches."""

@@ -38,16 +38,21 @@ LEVEL = 0.03  # of a normal along the axis, by which two walls that meet may dif
 WALL = 0.1  # of a part's surface that looks one way; a door's face is 0.2 to 0.5
 PLANE = 0.03  # of the base's, likewise; the front edges of a body of boards are 0.05
 BEYOND = np.deg2rad(1.5)  # past flush, where a part must run into the base: as sure as planes are
-SUNK = 0.01  # of what the part passes there: doors and lids had 0.04 to 0.5, in the air 0.001
+SUNK = 0.0015  # of what the part passes there: doors and lids had 0.002 to 2, in the air 0.0006
 STEP = np.deg2rad(1.0)  # between places on the way at which seen points are looked for
-NOISE = 1.5  # voxels by which a seen point may stand in the way: depths are as wrong
-VOTES = 2  # photos that see a point of the base
+EARLY = 9.0  # voxels before it is shut: rooms without texture stood as far out, of two objects
+BESIDE = 1.5  # voxels beside a part's edges: surfaces and depths are as wrong
+VOTES = 0.05  # of a state's photos see a point of the base: labels are wrong in fewer
 CROSSED = 0.01  # of the base's seen points nearby that may lie in the way
 
 
 @dataclass(frozen=True)
-class _End:
-    """A part, the last joint value on its way to shut [rad], and the observed one before it."""
+class End:
+    """An end of a way beyond what was observed.
+
+    Attributes:
+        part: that goes there.  value: of its joint, rad.  start: the observed one before it.
+    """
 
     part: int
     value: float
@@ -66,16 +71,16 @@ def shut(surfaces: Sequence[Manifold], pieces: Sequence[Sequence[Manifold]], pla
         voxel: size of the grid's cells, scene units.
     """
     out, done = list(surfaces), set[tuple[int, float]]()
-    for end in _ends(surfaces, place):
+    for end in flush_ends(surfaces, place):
         joint, own = place.joints[end.part - 1], pieces[end.part]
-        if (end.part, end.start) in done or not own or not _meets(out, joint, end):
+        if (end.part, end.start) in done or not own or not meets(out, joint, end):
             continue
-        if _in_the_way(out[0], own, place, maps, end, voxel):
+        if in_the_way(out[0], own, place, maps, end, voxel):
             continue
         start = joint.transform(end.start)[:3]
         cut = base_apart(out[0], end.part, [piece.transform(start) for piece in own],
-                         _to(place, end), voxel)
-        if _meets([cut, *out[1:]], joint, end):
+                         onward(place, end), voxel)
+        if meets([cut, *out[1:]], joint, end):
             logger.info("part %d shuts flush %.1f degrees beyond a state", end.part,
                         np.rad2deg(abs(end.value - end.start)))
             out[0] = cut
@@ -83,8 +88,13 @@ def shut(surfaces: Sequence[Manifold], pieces: Sequence[Sequence[Manifold]], pla
     return out
 
 
-def _ends(surfaces: Sequence[Manifold], place: Place) -> list[_End]:
-    """Return where parts that turn on the base come to lie along it, for each the nearest first."""
+def flush_ends(surfaces: Sequence[Manifold], place: Place) -> list[End]:
+    """Return where parts that turn on the base come to lie along it, for each the nearest first.
+
+    Args:
+        surfaces: closed, base first, world frame at state 0.
+        place: joints, and the part that carries each.
+    """
     found, base = [], _walls(surfaces[0], PLANE)
     for k, (joint, parent) in enumerate(zip(place.joints, place.parents, strict=True), 1):
         if joint.kind != "revolute" or parent != 0:
@@ -92,7 +102,7 @@ def _ends(surfaces: Sequence[Manifold], place: Place) -> list[_End]:
         own = _walls(surfaces[k], WALL)
         for start, sign in ((min(0.0, joint.value), -1.0), (max(0.0, joint.value), 1.0)):
             turned = own @ joint.transform(start)[:3, :3].T
-            found += [_End(k, start + sign * angle, start)
+            found += [End(k, start + sign * angle, start)
                       for angle in _flush(turned, base, sign * joint.axis)]
     return found
 
@@ -130,15 +140,26 @@ def _flush(own: F64, base: F64, axis: F64) -> list[float]:
             if len(one)]
 
 
-def _to(place: Place, end: _End) -> Place:
-    """Return a place in which one part, at its observed end, goes on until it is shut."""
+def onward(place: Place, end: End) -> Place:
+    """Return a place in which one part, where it was observed, goes on to an end, others stay.
+
+    Args:
+        place: joints, and the part that carries each.
+        end: of the way.
+    """
     joints = tuple(replace(joint, value=end.value - end.start if k == end.part else 0.0)
                    for k, joint in enumerate(place.joints, 1))
     return cast("Place", SimpleNamespace(count=place.count, joints=joints, parents=place.parents))
 
 
-def _meets(surfaces: Sequence[Manifold], joint: Joint, end: _End) -> bool:
-    """Say whether a part runs into the base as soon as it goes on beyond where it is shut."""
+def meets(surfaces: Sequence[Manifold], joint: Joint, end: End) -> bool:
+    """Say whether a part runs into the base as soon as it goes on beyond where it is shut.
+
+    Args:
+        surfaces: closed, base first.
+        joint: of the part.
+        end: where it lies along the base.
+    """
     part, sign = surfaces[end.part], np.sign(end.value - end.start)
     at, beyond = (part.transform(joint.transform(q)[:3])
                   for q in (end.value, end.value + sign * BEYOND))
@@ -146,30 +167,51 @@ def _meets(surfaces: Sequence[Manifold], joint: Joint, end: _End) -> bool:
     return float((beyond ^ surfaces[0]).volume()) > SUNK * passed
 
 
-def _in_the_way(base: Manifold, pieces: Sequence[Manifold], place: Place,
-                maps: Sequence[PartMaps], end: _End, voxel: float) -> bool:
-    """Say whether photos saw the base where a part passes on its way to being shut."""
+def in_the_way(base: Manifold, pieces: Sequence[Manifold], place: Place,
+                maps: Sequence[PartMaps], end: End, voxel: float) -> bool:
+    """Say whether photos saw the base where a part passes on its way to an end.
+
+    Args:
+        base: closed, world frame at state 0.
+        pieces: convex: what the part is the union of.
+        place: joints, and the part that carries each.
+        maps: what photos of both states saw.
+        end: of the way.
+        voxel: size of the grid's cells, scene units.
+
+    What it passes beside its edges by less than the noise of surfaces is not in its way.
+    """
+    left, corners = _seen(base, maps, voxel), [corners_of(piece) for piece in pieces]
+    every = np.concatenate(corners)
+    near = np.all((left >= every.min(0)) & (left <= every.max(0)), axis=1)
+    body = list(zip(corners, map(planes_of, corners), strict=True))
     joint = place.joints[end.part - 1]
-    points = _seen(base, maps, voxel)
+    for along, out in ((0, 0), (1, 0), (-1, 0), (0, 1), (0, -1)):
+        arm = left - joint.origin
+        arm -= np.outer(arm @ joint.axis, joint.axis)
+        arm /= np.maximum(np.linalg.norm(arm, axis=1, keepdims=True), 1e-9 * voxel)
+        moved = left + BESIDE * voxel * (along * joint.axis + out * arm)
+        left = left[_passed(moved, body, joint, end, voxel)]
+    return bool(len(left) > CROSSED * max(near.sum(), 1))
+
+
+def _passed(points: F64, body: Sequence[tuple[F64, F64]], joint: Joint, end: End,
+            voxel: float) -> Mask:
+    """Return [N] through which points a body of convex pieces goes before it is nearly shut."""
     lever = np.linalg.norm(np.cross(points - joint.origin, joint.axis), axis=1)
-    early = NOISE * voxel / np.maximum(lever, voxel)  # before it is shut, rad
-    whole = abs(end.value - end.start)
-    passed, own = np.zeros(len(points), bool), [corners_of(piece) for piece in pieces]
-    walls = [planes_of(corners) for corners in own]
+    early = EARLY * voxel / np.maximum(lever, voxel)  # before it is shut, rad
+    whole, passed = abs(end.value - end.start), np.zeros(len(points), bool)
     for way in np.arange(0.0, whole, STEP):
         q = end.start + np.sign(end.value - end.start) * way
         left = np.flatnonzero(~passed & (way < whole - early))
-        back = apply(inverse(joint.transform(q)), points[left])
-        passed[left] = _inside(own, walls, back, 0.5 * voxel)
-    corners = np.concatenate(own)
-    near = np.all((points >= corners.min(0)) & (points <= corners.max(0)), axis=1)
-    return bool(passed.sum() > CROSSED * max(near.sum(), 1))
+        passed[left] = _inside(body, apply(inverse(joint.transform(q)), points[left]), 0.5 * voxel)
+    return passed
 
 
-def _inside(pieces: Sequence[F64], walls: Sequence[F64], points: F64, depth: float) -> Mask:
+def _inside(body: Sequence[tuple[F64, F64]], points: F64, depth: float) -> Mask:
     """Return [N] which points are so deep inside a convex piece, of its corners and planes."""
     inside = np.zeros(len(points), bool)
-    for corners, planes in zip(pieces, walls, strict=True):
+    for corners, planes in body:
         near = np.all((points >= corners.min(0)) & (points <= corners.max(0)), axis=1) & ~inside
         if len(planes) and near.any():
             inside[near] = (points[near] @ planes[:, :3].T + planes[:, 3]).max(1) < -depth
@@ -181,5 +223,5 @@ def _seen(base: Manifold, maps: Sequence[PartMaps], voxel: float) -> F64:
     points, _ = arrays(base.refine_to_length(2 * voxel))
     own = [replace(one.maps, depths=np.where(one.labels == 0, one.maps.depths, np.float32(0)))
            for one in maps]  # what lies behind a door lies near it as well
-    votes = [observe(points, one, NOISE * voxel).surface for one in own]
-    return points[np.maximum(*votes) >= VOTES]
+    seen = [observe(points, one, BESIDE * voxel).surface >= VOTES * len(one.depths) for one in own]
+    return points[np.logical_or(*seen)]

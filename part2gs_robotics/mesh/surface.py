@@ -102,7 +102,9 @@ def vertices_apart(surface: Manifold, voxel: float) -> Manifold:
     points, faces = arrays(surface)
     scatter = np.random.default_rng(0)  # tells twins apart whose neighbours are the same
     for _ in range(8):
-        twins = np.unique(cKDTree(points).query_pairs(SAME * voxel, output_type="ndarray"))
+        # The two nearest, for where thousands lie within a point all pairs would fill gigabytes.
+        near = cKDTree(points).query(points, 2, distance_upper_bound=SAME * voxel)[0]
+        twins = np.flatnonzero(np.isfinite(near[:, 1]))
         if not len(twins):
             break
         ring = np.zeros_like(points)

@@ -17,7 +17,7 @@ from part2gs_robotics.mesh.free_range import (
 )
 from part2gs_robotics.model.joint import Joint
 from part2gs_robotics.model.se3 import apply, screw_motion
-from part2gs_robotics.model.solids import to_mesh
+from part2gs_robotics.model.solids import size_of, to_mesh
 from part2gs_robotics.model.twin import Part, PartMesh, Twin
 
 GREY = (120, 120, 120)
@@ -146,13 +146,13 @@ def test_a_range_ends_where_pieces_cannot_be_parted(extra):
     assert clearance.with_apart_pieces(twin).parts[1].limits == twin.parts[1].limits
 
 
-def crossing_twin(value):
-    """Two slides over a plate, along x and along y, whose ways cross at the origin."""
+def crossing_twin(value, lifted=0.0):
+    """Two slides over a plate, along x and along y, one lifted; their ways cross at the origin."""
     base = union_part("base", -1, [((-1.0, -1.0, -0.3), (1.0, 1.0, -0.2))], None, (0.0, 0.0), GREY)
     parts = [base]
     for k, axis in enumerate(np.eye(3)[:2]):
         low, high = np.full(3, -0.1), np.full(3, 0.1)
-        low, high = low - 0.7 * axis, high - 0.5 * axis
+        low, high = low - 0.7 * axis + k * lifted * UP, high - 0.5 * axis + k * lifted * UP
         joint = Joint("prismatic", axis, np.zeros(3), value)
         parts.append(union_part(f"part_{k + 1}", 0, [(tuple(low), tuple(high))], joint,
                                 (0.0, value), GREY))
@@ -169,6 +169,13 @@ def test_no_two_joints_drive_their_parts_into_each_other():
         twin = crossing_twin(0.1)
         alone = replace(twin, parts=(twin.parts[0], replace(twin.parts[k], name="part_1")))
         assert with_free_ranges(alone).parts[1].limits[1] > 0.9
+
+
+@pytest.mark.parametrize(("film", "held"), [(0.001, False), (0.003, True)])
+def test_a_film_of_noise_between_two_that_move_holds_neither_back(film, held):
+    size = size_of(tuple(p.mesh for p in crossing_twin(0.1).parts))
+    ranges = with_free_ranges(crossing_twin(0.1, 0.2 - film * size)).parts[1:]
+    assert (min(part.limits[1] for part in ranges) < 0.9) == held
 
 
 def test_what_meets_between_the_states_waits_and_keeps_its_range():
