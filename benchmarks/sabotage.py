@@ -31,14 +31,19 @@ import sabotage_around
 import sabotage_dynamics
 import sabotage_exports
 import sabotage_files
+import sabotage_looks
 import sabotage_models
 import sabotage_more
+import sabotage_small
+import yaml
 from reconstruction_suite import git, insert
 from sabotage_rival import verdicts
 from sabotage_tools import Kind, NotHereError
 from toy_scenes import toy_cabinet_twin, write_all
 
 from part2gs_robotics.errors import Part2GSError
+from part2gs_robotics.exporters.read_twin import read_twin
+from part2gs_robotics.exporters.twin_yaml import digests
 from part2gs_robotics.model.twin import Part, PartMesh, Texture, Twin
 from part2gs_robotics.outputs import export_twin
 from part2gs_robotics.sim_checks import check
@@ -52,7 +57,7 @@ TWINS = ROOT / "benchmarks/results/sabotage_twins.json"
 TWIN_MARKS = "<!-- twins:begin -->", "<!-- twins:end -->"
 KINDS = (*sabotage_models.kinds(), *sabotage_dynamics.kinds(), *sabotage_files.kinds(),
          *sabotage_exports.kinds(), *sabotage_more.kinds(),
-         *sabotage_around.kinds())
+         *sabotage_around.kinds(), *sabotage_small.kinds(), *sabotage_looks.kinds())
 UNREAD = ("twin.urdf", "twin.yaml")
 PHYSICS = tuple(g for g in GROUPS if g != "files")
 
@@ -112,6 +117,11 @@ def many(twins: list[Path], kinds: list[Kind], place: Path, how: tuple[int, bool
 def exported(twin: Path, copy: Path) -> Path:
     """Return a copy of a twin, exported to SDFormat, glTF and OpenUSD as well."""
     shutil.copytree(twin, copy, ignore=shutil.ignore_patterns("stages", "*.ply", "report.*"))
+    path = copy / "twin.yaml"
+    tree = yaml.safe_load(path.read_text())
+    if "files" not in tree:  # as every twin has that this version writes
+        tree["files"] = digests(read_twin(copy), copy)
+        path.write_text(yaml.safe_dump(tree, sort_keys=False, allow_unicode=True, width=100))
     for kind in ("sdf", "glb", "usd"):
         export_twin(copy, kind, copy / kind)
     return copy

@@ -33,6 +33,7 @@ from part2gs_robotics.model.materials import DEFAULT
 from part2gs_robotics.model.solids import watertight
 from part2gs_robotics.model.twin import Part, Twin
 from part2gs_robotics.runtime.atomic import write_bytes_atomic
+from part2gs_robotics.runtime.hashing import digest_of_text_or_picture
 
 Source = Literal["measured", "fitted", "derived", "assumed"]
 Tree = dict[str, object]
@@ -41,7 +42,7 @@ FORMAT = 2  # version of the file's layout; 2 names files from the twin folder, 
 
 
 def write_twin_yaml(twin: Twin, folder: Path, extra: Mapping[str, object] | None = None) -> Path:
-    """Write twin.yaml; return the file.
+    """Write twin.yaml, with digests of the meshes and pictures that are there; return the file.
 
     Args:
         twin: the twin.
@@ -50,10 +51,18 @@ def write_twin_yaml(twin: Twin, folder: Path, extra: Mapping[str, object] | None
     """
     import yaml
 
-    document = twin_document(twin) | {"build": dict(extra or {})}
+    document = twin_document(twin) | {"files": digests(twin, folder), "build": dict(extra or {})}
     text = yaml.safe_dump(_plain(document), sort_keys=False, allow_unicode=True, width=100)
     write_bytes_atomic(folder / "twin.yaml", text.encode())
     return folder / "twin.yaml"
+
+
+def digests(twin: Twin, folder: Path) -> dict[str, str]:
+    """Return sha256 by name of the twin's meshes, materials and pictures in a folder."""
+    named = [n for p in twin.parts for n in (
+        visual_name(p), f"{visual_name(p).removesuffix('.obj')}.mtl", texture_name(p),
+        *(piece_name(p, i) for i in range(len(p.pieces))))]
+    return {n: digest_of_text_or_picture(folder / n) for n in named if (folder / n).is_file()}
 
 
 def twin_document(twin: Twin) -> Tree:

@@ -20,6 +20,7 @@ UP = (0.0, 1.0, 0.0)  # of the format
 TURNED = 1e-6  # of a matrix' entries and of the scale: the file holds all digits
 MOST = 1 << 30  # bytes, as of other meshes
 FLOATS = 1e-5  # of the size: corners are float32
+UNSIGNED = 5125  # component type of indices
 Node = dict[str, object]
 
 
@@ -35,7 +36,7 @@ def of_glb(path: Path, name: str, twin: Twin) -> Described:
         ValueError: if it is no such file.
     """
     try:
-        tree, chunk = _chunks(path)
+        tree, chunk = chunks(path)
         nodes = cast("list[Node]", tree["nodes"])
         root, bodies = nodes[0], dict[str, Body]()
         _collect(tree, chunk, (cast("list[int]", root["children"])[0], "", np.zeros(3)), bodies)
@@ -53,7 +54,12 @@ def of_glb(path: Path, name: str, twin: Twin) -> Described:
     return Described(name, bodies, FLOATS, faults)
 
 
-def _chunks(path: Path) -> tuple[Node, bytes]:
+def chunks(path: Path) -> tuple[Node, bytes]:
+    """Return the tree and the buffer of a glTF in one file.
+
+    Raises:
+        ValueError: if it is no such file.
+    """
     if path.stat().st_size > MOST:
         raise ValueError(f"larger than {MOST >> 20} MB")
     data = path.read_bytes()
@@ -101,10 +107,23 @@ def _turn(node: Node) -> F64:
 def _positions(tree: Node, chunk: bytes, mesh: int) -> F64:
     primitives = cast("list[Node]", cast("list[Node]", tree["meshes"])[mesh]["primitives"])
     which = cast("dict[str, int]", primitives[0]["attributes"])["POSITION"]
+    return floats(tree, chunk, which, 3)
+
+
+def floats(tree: Node, chunk: bytes, which: int, width: int) -> F64:
+    """Return the [N, width] numbers of an accessor as ours are: packed floats or indices.
+
+    Args:
+        tree: of the file.
+        chunk: its buffer.
+        which: index of the accessor.
+        width: numbers per row.
+    """
     accessor = cast("list[dict[str, int]]", tree["accessors"])[which]
     view = cast("list[dict[str, int]]", tree["bufferViews"])[accessor["bufferView"]]
-    found = np.frombuffer(chunk, "<f4", 3 * accessor["count"], view["byteOffset"])
-    return found.reshape(-1, 3).astype(np.float64)
+    kind = "<u4" if accessor["componentType"] == UNSIGNED else "<f4"
+    found = np.frombuffer(chunk, kind, width * accessor["count"], view["byteOffset"])
+    return found.reshape(-1, width).astype(np.float64)
 
 
 def _vector(value: object, size: int = 0) -> F64:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -16,8 +17,11 @@ from part2gs_robotics.exporters.inertia import mass_properties
 from part2gs_robotics.model.arrays import F64
 from part2gs_robotics.model.solids import defect, to_manifold, watertight
 from part2gs_robotics.model.twin import PartMesh, Twin
+from part2gs_robotics.runtime.hashing import digest_of_text_or_picture
 
 DIGITS = 1e-5  # relative: meshes have nine digits, and their integrals lose at most four
+DIGESTED = re.compile(r"assets/[\w-][\w.-]*")  # files of a twin, and nothing outside of it
+TOLD = 4  # rows: of a twin whose files were all written again
 LOOSE = 0.05  # of the size between a bit and the rest; bits of thirty finished twins keep 0.036
 
 
@@ -100,6 +104,23 @@ def _gap(bit: Manifold, rest: list[Manifold], size: float, worst: float) -> floa
 def _middle(solid: Manifold) -> F64:
     box = np.array(solid.bounding_box(), np.float64)
     return np.asarray((box[:3] + box[3:]) / 2)
+
+
+def changed(folder: Path, document: dict[str, object]) -> list[CheckResult]:
+    """Return files that are not what twin.yaml was written with; none where it has no digests.
+
+    What pictures show, how meshes are lit and where single pieces lie, no other file says.
+    """
+    told, out = document.get("files"), list[CheckResult]()
+    for name, digest in told.items() if isinstance(told, dict) else ():
+        path = folder / str(name)
+        if not DIGESTED.fullmatch(str(name)) or not path.is_file() or (
+                found := digest_of_text_or_picture(path)) == digest:
+            continue  # of files that are not there the row below tells
+        out.append(fails("assets", str(name), "is not the file that twin.yaml was written with",
+                         f"{name}: restore it; where the change is meant, write {found} for it "
+                         "into `files` of twin.yaml"))
+    return out[:TOLD]
 
 
 def textures(twin: Twin, folder: Path, document: dict[str, object]) -> list[CheckResult]:

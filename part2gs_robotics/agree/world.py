@@ -24,8 +24,10 @@ RUBS = 3  # directions of a contact's force: the fewest with friction
 GRIPS = 0.05, 10.0  # of sliding friction: ice on steel is 0.03, soft rubber 4; ours is 1
 FIRM = 0.5  # of solimp: less of a constraint and parts pass through; the engine's own is 0.9
 SOFT = 0.1  # s in which a contact gives back; the engine's own is 0.02, ours 0.008
-# The least an engine may try: half of MuJoCo's own iterations, a hundred times its tolerance.
+# The least an engine may try: half of MuJoCo's own iterations, its laxest own tolerance.
 TRIES, LAX = 50, 1e-6
+NEAREST = 1e-4  # of the size, to which contacts are found at least; the engine's own is 1e-6 units
+STIFF = 1e3  # of impratio: ours is 10; beyond a thousand the solver's matrices lose digits
 FAR = 30.0  # x the size that the world may be for a viewer: an object in a large room
 REACH = 9  # positions of every joint at which excluded parts are looked at
 
@@ -244,17 +246,20 @@ def options(model: mujoco.MjModel, twin: Twin | None, told: F64, step: float) ->
         if getattr(found, name) != good:
             faults.append((file, f"{name} is {getattr(found, name)}", f"set {name} back to {good}"))
     tries = min(found.iterations, 2 * found.ls_iterations, 2 * found.ccd_iterations)
-    if not (tries >= TRIES and found.tolerance <= LAX and found.impratio >= 1):
+    size = float(model.stat.extent) if twin is None else size_of(twin)
+    close = found.ccd_tolerance <= max(LAX, NEAREST * size)
+    if not (tries >= TRIES and found.tolerance <= LAX and 1 <= found.impratio <= STIFF and close):
         faults.append((file, f"the solver has {found.iterations} iterations, {found.ls_iterations} "
                        f"of lines, {found.ccd_iterations} of shapes, tolerance "
-                       f"{found.tolerance:g}, impratio {found.impratio:g}",
-                       "remove these from <option>, or raise them to MuJoCo's own"))
+                       f"{found.tolerance:g}, of shapes {found.ccd_tolerance:g}, impratio "
+                       f"{found.impratio:g}",
+                       "remove these from <option>, or set them to MuJoCo's own"))
     if np.abs(found.wind).max() > 0:
         faults.append((file, f"wind is {found.wind.tolist()}", "remove <option wind>"))
     if int(found.enableflags):
         faults.append((file, f"enableflags is {int(found.enableflags)}: contacts "
                        "overridden, bodies asleep or other", "remove <flag ...='enable'>"))
-    far = float(model.stat.extent) / max(1e-300, 0.0 if twin is None else size_of(twin))
+    far = float(model.stat.extent) / max(1e-300, 0.0 if twin is None else size)
     if twin is not None and not 1 / FAR <= far <= FAR:
         faults.append((file, f"<statistic extent> is {far:.3g} times the size",
                        "set <statistic extent> to the size of the object"))

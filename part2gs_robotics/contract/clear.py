@@ -15,6 +15,8 @@ if TYPE_CHECKING:
 
 DEEP = 2.0  # of the size that the ground may lie below the twin; ours is just clear of it
 LEVEL = 0.9999  # cosine between ground and gravity: 0.8 degrees, on which nothing rolls
+DIM = 0.1  # of full light, of all lights together; ours give 1.2
+NEAR, FAR = 0.3, 5.0  # of the size: what a camera beside the object sees; the engine's 0.01, 50
 REACH = 129  # positions of every joint: 1.4 degrees of half a turn, 8 mm at 0.35 m
 
 
@@ -33,7 +35,7 @@ def clear_world(model: mujoco.MjModel) -> list[CheckResult]:
                 return [fails("clear world", "scene.xml", f"{one} touches {two} at {name}",
                               f"scene.xml: move {one} or {two} away")]
     clear = passes("clear world", "scene.xml", "ground is clear of it")
-    return _ground(model) or [clear]
+    return _ground(model) + _dark(model) or [clear]
 
 
 def _poses(model: mujoco.MjModel) -> Iterator[tuple[str, F64]]:
@@ -64,3 +66,19 @@ def _ground(model: mujoco.MjModel) -> list[CheckResult]:
             return []
     return [fails("clear world", "scene.xml", "has no level ground near it that things rest on",
                   "scene.xml: add a plane below the twin, its zaxis up, or build the twin again")]
+
+
+def _dark(model: mujoco.MjModel) -> list[CheckResult]:
+    """Return that a viewer shows nothing of the world: no light, or cut off by its planes."""
+    head, near = model.vis.headlight, float(model.vis.map.znear)
+    shine = float(np.max(head.ambient)) + float(np.max(head.diffuse)) if head.active else 0.0
+    for k in np.flatnonzero(model.light_active):
+        shine += float(max(model.light_ambient[k].max(), model.light_diffuse[k].max()))
+    if shine < DIM:
+        return [fails("clear world", "scene.xml", f"its lights add up to {shine:.2g} of 1: viewers "
+                      "show it black", "scene.xml: remove <headlight> and active of <light>")]
+    if not near <= NEAR or not model.vis.map.zfar >= FAR:
+        return [fails("clear world", "scene.xml", "viewers cut off what is nearer than "
+                      f"{near:g} or farther than {model.vis.map.zfar:g} times its size",
+                      "scene.xml: remove znear and zfar of <map>")]
+    return []

@@ -7,8 +7,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from part2gs_robotics.agree.finding import CheckResult
+from part2gs_robotics.agree.folder import further
 from part2gs_robotics.contract.clear import clear_world
+from part2gs_robotics.contract.exported import exported_looks
 from part2gs_robotics.contract.looks import looks
+from part2gs_robotics.contract.shown import shown
 from part2gs_robotics.contract.sites import sites
 from part2gs_robotics.contract.urdf import urdf_rules
 from part2gs_robotics.contract.words import words_of
@@ -37,6 +40,8 @@ def contract(folder: Path, sdf: Sequence[str], models: Mapping[str, mujoco.MjMod
     out += clear_world(models[SCENE]) if SCENE in models else []
     try:
         twin = read_twin(folder)
-        return out + looks(folder, twin) + sites(folder, twin)
+        more = shown(folder, twin, models) + exported_looks(folder, twin, further(folder))
+        return out + [r for r in looks(folder, twin) if r.status == "fail" or not more] + more + (
+            sites(folder, twin))
     except (CheckError, OSError):
         return out  # the row `assets` says what is wrong with twin.yaml or its meshes

@@ -62,6 +62,9 @@ def _links(root: ET.Element) -> Iterator[Fault]:
         if name == WORLD and len(link):
             yield ("own settings", name, f"the world has <{link[0].tag}>",
                    "leave the link `world` empty: it stands for what is around")
+        if (count := len(link.findall("visual"))) > 1:
+            yield ("same look", name, f"{count} <visual>, of which engines show the first, or all",
+                   f"leave one <visual> of {name}")
         if name.endswith(TURN) and name.removesuffix(TURN) in names:
             mass = float(link.find("inertial/mass").get("value", "nan"))  # type: ignore[union-attr]
             if not mass <= LIGHT or link.find("collision") is not None:

@@ -131,3 +131,10 @@ def _folder_of(room: str) -> Path:
         raise ModuleNotFoundError(f"{PACKAGE}.{room} is missing. Expected it to be installed with "
                                   "the package; install part2gs-robotics again.")
     return Path(next(iter(spec.submodule_search_locations)))
+
+
+def digest_of_text_or_picture(path: Path) -> str:
+    """Return the sha256 of a file, the same whether its lines end as on Windows or not."""
+    data = path.read_bytes()
+    return hashlib.sha256(data if path.suffix == ".png" else data.replace(b"\r\n", b"\n")
+                          ).hexdigest()
