@@ -9,15 +9,18 @@ any twins. Every kind of sabotage is done to a copy. `caught` names the check th
 what was broken; `other` was caught by another one; `refused` is exit code 2; `passed` is exit code
 0, which is what must not be. `physics alone` is the verdict without the group of checks that
 compares files, `simcheck` that of simcheck on the files which it can read: anything new that it
-finds counts. Numbers go to benchmarks/results/sabotage.json, the table to docs/sabotage.md; those
-of --twins to sabotage_twins.json, one entry per twin, added to those of other calls. --share takes
-every N-th kind, others for the next twin. Clean twins are checked first.
+finds counts. All this is asked of a twin whose twin.yaml holds no sha256 of its files, as if they
+had been signed anew; `sha256` marks what only they catch, or only they name the file of. Numbers
+go to benchmarks/results/sabotage.json, the table to docs/sabotage.md; those of --twins to
+sabotage_twins.json, one entry per twin, added to those of other calls. --share takes every N-th
+kind, others for the next twin. Clean twins are checked first.
 """
 
 from __future__ import annotations
 
 import argparse
 import json
+import re
 import shutil
 import sys
 import tempfile
@@ -60,6 +63,7 @@ KINDS = (*sabotage_models.kinds(), *sabotage_dynamics.kinds(), *sabotage_files.k
          *sabotage_around.kinds(), *sabotage_small.kinds(), *sabotage_looks.kinds())
 UNREAD = ("twin.urdf", "twin.yaml")
 PHYSICS = tuple(g for g in GROUPS if g != "files")
+DIGESTS = re.compile(rb"^files:\n(?: .*\n)*", re.MULTILINE)  # of twin.yaml, as it is written
 
 
 def main() -> int:
@@ -100,7 +104,8 @@ def many(twins: list[Path], kinds: list[Kind], place: Path, how: tuple[int, bool
         counts = Counter(r["verdict"] for r in one["rows"])
         named = sum(r["named"] for r in one["rows"])
         entry = {k: one[k] for k in ("twin", "commit", "clean", "seconds", "joints")} | {
-            "kinds": len(one["rows"]), "counts": dict(counts), "named": named, "odd": odd}
+            "kinds": len(one["rows"]), "counts": dict(counts), "named": named, "odd": odd,
+            "sha256": [r["kind"] for r in one["rows"] if r["sha256"] == "catches"]}
         sys.stdout.write(f"{json.dumps(entry)}\n")
         sys.stdout.flush()
         bad += counts["passed"] + counts["crashed"]
@@ -136,8 +141,10 @@ def cabinet(folder: Path) -> Path:
 
 
 def _textured(part: Part) -> Part:
-    # a picture of the colours of its mesh, as a bake makes it
-    image = np.tile(part.mesh.colors.mean(0).astype(np.uint8), (8, 8, 1))
+    # a picture, at corners of faces the colours of its mesh, as a bake makes it
+    image = np.tile(part.mesh.colors.mean(0).astype(np.uint8), (16, 16, 1))
+    image[1:-1, 1:-1] //= np.arange(1, 15, dtype=np.uint8)[:, None, None]  # no two sides alike
+    image[1:-1, 3:6] //= 2
     uv = np.tile(np.array([[0, 0], [1, 0], [0, 1]], np.float32), (len(part.mesh.faces), 1, 1))
     mesh = PartMesh(part.mesh.vertices, part.mesh.faces, part.mesh.colors, 0.0, Texture(uv, image))
     return Part(part.name, part.parent, mesh, part.pieces, part.joint, part.limits)
@@ -180,13 +187,33 @@ def sabotaged(twin: Path, kinds: list[Kind], place: Path, alone: bool = True) ->
 
 def judged(folder: Path, kind: Kind, own: set[tuple[str, str]], alone: bool) -> dict[str, Any]:
     """Return what the checker makes of a broken twin: with all checks, and by physics alone."""
-    verdict, report, said = asked(folder, ("files",), own)
-    if verdict == "passed":
-        verdict, report, said = asked(folder, GROUPS, own)
+    path = folder / "twin.yaml"
+    signed = path.read_bytes() if path.is_file() else b""
+    if signed:
+        path.write_bytes(DIGESTS.sub(b"", signed))
+    row = blamed(folder, kind, own, ("files",))
+    if row["verdict"] == "passed":
+        row = blamed(folder, kind, own, GROUPS)
     # what physics never reads can only fail to compile
-    told = kind.files and all(f in UNREAD or f.startswith(("sdf/", "glb/", "usd/"))
-                              for f in kind.files)
-    physics = asked(folder, ("compile",) if told else PHYSICS, own)[0] if alone else ""
+    unread = kind.files and all(f in UNREAD or f.startswith(("sdf/", "glb/", "usd/"))
+                                for f in kind.files)
+    physics = asked(folder, ("compile",) if unread else PHYSICS, own)[0] if alone else ""
+    if signed:
+        path.write_bytes(signed)
+    row |= {"sha256": "", "physics": "caught" if physics == "failed" else physics}
+    if signed and not row["named"]:
+        more = blamed(folder, kind, own, ("files",))
+        if row["verdict"] == "passed" and more["verdict"] != "passed":
+            row |= more | {"sha256": "catches"}
+        elif more["named"]:
+            row |= more | {"sha256": "names"}
+    return row
+
+
+def blamed(folder: Path, kind: Kind, own: set[tuple[str, str]], groups: tuple[str, ...]
+           ) -> dict[str, Any]:
+    """Return the verdict of checks, the one that found it, and whether the file is named."""
+    verdict, report, said = asked(folder, groups, own)
     failed = [] if report is None else [
         r for r in report.results if r.status in ("fail", "incomplete")
         and (r.name, r.subject) not in own]
@@ -196,8 +223,7 @@ def judged(folder: Path, kind: Kind, own: set[tuple[str, str]], alone: bool) -> 
         verdict = "caught" if meant else "other"
     told = told or any(file in said for file in kind.files)
     return {"verdict": verdict, "check": (meant or failed)[0].name if failed else "",
-            "named": bool(told), "physics": "caught" if physics == "failed" else physics,
-            "cause": (meant or failed)[0].cause if failed else said}
+            "named": bool(told), "cause": (meant or failed)[0].cause if failed else said}
 
 
 def asked(folder: Path, groups: tuple[str, ...], own: set[tuple[str, str]]
@@ -221,36 +247,39 @@ def markdown(results: list[dict[str, Any]]) -> str:
         rows = one["rows"]
         count, before, rival = (Counter(r[k] for r in rows)
                                 for k in ("verdict", "physics", "simcheck"))
-        named = sum(r["named"] for r in rows)
+        named, digested = sum(r["named"] for r in rows), Counter(r["sha256"] for r in rows)
         lines += [
             f"{one['twin']}, {one['commit']}: {len(rows)} kinds; {count['caught']} caught by the "
             f"check meant for it, {count['other']} by another, {count['refused']} refused, "
             f"{count['crashed']} crashed, {count['passed']} passed; {named} name the file at "
-            "fault.",
+            f"fault. {digested['catches']} are caught by the sha256 of files alone.",
             "", f"By physics alone {before['caught']} caught, {before['refused']} refused, "
             f"{before['crashed']} crashed, {before['passed']} passed. simcheck catches "
             f"{rival['caught']}, passes {rival['passed']}, and does not read what "
             f"{rival['not read']} change. The clean twin has "
             f"{len(one['clean'])} failing rows; its whole check takes {one['seconds']:.1f} s, "
             f"the comparison of files {one['files_seconds']:.1f} s.", "",
-            "| what is broken | verdict | by check | file named | physics alone | simcheck |",
-            "|---|---|---|---|---|---|"]
+            "| what is broken | verdict | by check | file named | sha256 | physics alone | "
+            "simcheck |",
+            "|---|---|---|---|---|---|---|"]
         lines += [f"| {r['kind']} | {r['verdict']} | {r['check']} | "
-                  f"{'yes' if r['named'] else ''} | {r['physics']} | {r['simcheck']} |"
-                  for r in rows]
+                  f"{'yes' if r['named'] else ''} | {r['sha256']} | "
+                  f"{r['physics']} | {r['simcheck']} |" for r in rows]
         lines.append("")
     return "\n".join(lines)
 
 
 def table_of_twins(entries: list[dict[str, Any]]) -> str:
     """Return a line, a row per twin, and every kind that was not caught as meant."""
+    digested = sum(len(e.get("sha256", ())) for e in entries)
     total = sum((Counter(e["counts"]) for e in entries), Counter())
     done, named = total.total(), sum(e["named"] for e in entries)
     good = total["caught"] + total["refused"]
     lines = [f"{done} broken copies of {len(entries)} twins: {good} ({good / max(done, 1):.1%}) "
              f"caught by the check meant for it or refused, {total['other']} caught by another, "
              f"{total['crashed']} crashed, {total['passed']} passed; {named} name the file at "
-             f"fault. Rows that fail on clean twins: {sum(len(e['clean']) for e in entries)}.", "",
+             f"fault; {digested} are caught by the sha256 of files alone. "
+             f"Rows that fail on clean twins: {sum(len(e['clean']) for e in entries)}.", "",
              "| twin | commit | joints | fails when clean | kinds | caught | refused | other | "
              "crashed | passed |", "|---|---|--:|--:|--:|--:|--:|--:|--:|--:|"]
     for e in entries:

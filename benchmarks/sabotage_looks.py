@@ -117,7 +117,11 @@ def _picture(change: Callable[[np.ndarray], np.ndarray], name: str = PICTURE) ->
         path = folder / name
         if not path.is_file():
             raise NotHereError(name)
-        cv2.imwrite(str(path), change(cv2.imread(str(path))))
+        before = cv2.imread(str(path))
+        after = np.ascontiguousarray(change(before))
+        if np.array_equal(before, after):
+            raise NotHereError(f"{name}: looks the same")
+        cv2.imwrite(str(path), after)
     return deed
 
 

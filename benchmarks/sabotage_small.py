@@ -101,7 +101,6 @@ def _defaults() -> list[Kind]:
             MJCF, ".", "<size memory='20K'/>")),
         Kind("gravcomp 0.5, in one file", (DRIVEN,), (*OWN, "same dynamics"),
              put(DRIVEN, BODY, "gravcomp", "0.5")),
-        Kind("a joint in another group", MJCF, OWN, put(MJCF, JOINT, "group", "4")),
         Kind("a joint with a margin", MJCF, OWN, put(MJCF, JOINT, "margin", "0.2")),
         Kind("a contact sensor", MJCF, (*OWN, "compile"), insert(
             MJCF, ".", "<sensor><jointpos joint='none'/></sensor>")),
@@ -149,12 +148,10 @@ def _world() -> list[Kind]:
         option("timestep", "0.004"), option("gravity", "0 0 -9.7"), option("gravity", "0 0 -10"),
         option("impratio", "1e6"),
         option("ccd_iterations", "1"), option("ccd_tolerance", "0.01"),
-        option("density", "1.2"),
         flag("override", "enable"), flag("frictionloss", "disable"), flag("damper", "disable"),
         flag("spring", "disable"), flag("filterparent", "disable"), flag("clampctrl", "disable"),
-        flag("warmstart", "disable"), flag("refsafe", "disable"), flag("fwdinv", "enable"),
-        flag("midphase", "disable"), flag("eulerdamp", "disable"), flag("nativeccd", "disable"),
-        flag("invdiscrete", "enable"), flag("island", "disable"),
+        flag("warmstart", "disable"), flag("refsafe", "disable"),
+        flag("eulerdamp", "disable"), flag("nativeccd", "disable"),
         kind("ground tilted by 1 deg", rules, put(SCENE, ground, "zaxis", turned(1))),
         kind("ground slips (condim 1)", rules, put(SCENE, ground, "condim", "1")),
         kind("ground with a margin", rules, put(SCENE, ground, "margin", "0.1")),
@@ -187,7 +184,7 @@ def _servos() -> list[Kind]:
         kind("commands not limited", "ctrllimited", "false"),
         kind("force not limited", "forcelimited", "false"),
         kind("lags (timeconst)", "timeconst", "0.05"),
-        kind("in another group", "group", "3"), kind("damping of its own", "kv", "0.001"),
+        kind("damping of its own", "kv", "0.001"),
         Kind("joint: actuatorfrcrange", (DRIVEN,), servo, put(
             DRIVEN, JOINT, "actuatorfrcrange", "-0.5 0.5")),
         Kind("joint: weight carried by motors", (DRIVEN,), servo, put(

@@ -110,7 +110,7 @@ def _told(folder: Path) -> tuple[Told, list[CheckResult]]:
     rows += density_of_material(twin, document)
     rows += truth.masses(described, twin, document)
     rows += truth.loose_bits(twin) + truth.textures(twin, folder, document)
-    rows += truth.changed(folder, document)
+    rows += truth.pieces(twin) + truth.changed(folder, document)
     return Told(described, twin, document), rows
 
 

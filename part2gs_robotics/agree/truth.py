@@ -14,6 +14,7 @@ from part2gs_robotics.agree.of_yaml import array, number
 from part2gs_robotics.agree.vote import apart, relative
 from part2gs_robotics.errors import ExportError
 from part2gs_robotics.exporters.inertia import mass_properties
+from part2gs_robotics.exporters.meshfile import piece_name
 from part2gs_robotics.model.arrays import F64
 from part2gs_robotics.model.solids import defect, to_manifold, watertight
 from part2gs_robotics.model.twin import PartMesh, Twin
@@ -106,6 +107,23 @@ def _middle(solid: Manifold) -> F64:
     return np.asarray((box[:3] + box[3:]) / 2)
 
 
+def pieces(twin: Twin) -> list[CheckResult]:
+    """Return collision pieces that are inside out, or are there twice, so that one is missing."""
+    out = []
+    for part in twin.parts:
+        seen = dict[bytes, int]()
+        for i, piece in enumerate(part.pieces):
+            file, tri = piece_name(part, i), np.asarray(piece.vertices, np.float64)[piece.faces]
+            volume = float((tri[:, 0] * np.cross(tri[:, 1], tri[:, 2])).sum()) / 6
+            twice = seen.setdefault(np.unique(piece.vertices, axis=0).tobytes(), i)
+            fault = ("is inside out" if volume < 0 else
+                     f"is the same solid as {piece_name(part, twice)}" if twice != i else "")
+            if fault:
+                out.append(fails("assets", file, fault, f"{file}: restore it, or build the twin "
+                                 "again"))
+    return out
+
+
 def changed(folder: Path, document: dict[str, object]) -> list[CheckResult]:
     """Return files that are not what twin.yaml was written with; none where it has no digests.
 
@@ -118,8 +136,9 @@ def changed(folder: Path, document: dict[str, object]) -> list[CheckResult]:
                 found := digest_of_text_or_picture(path)) == digest:
             continue  # of files that are not there the row below tells
         out.append(fails("assets", str(name), "is not the file that twin.yaml was written with",
-                         f"{name}: restore it; where the change is meant, write {found} for it "
-                         "into `files` of twin.yaml"))
+                         f"{name}: restore it, or build the twin again; where the change is "
+                         f"meant, write {found} for it into `files` of twin.yaml, or remove its "
+                         "line there"))
     return out[:TOLD]
 
 
