@@ -58,14 +58,25 @@ def test_what_is_not_there_is_not_counted(load, clean) -> None:
 
 def test_the_table_counts_what_rows_say(load) -> None:
     row = {"kind": "k", "verdict": "caught", "check": "same mass", "named": True,
-           "physics": "passed", "cause": "", "simcheck": "caught"}
-    rows = [row, row | {"verdict": "passed", "named": False, "simcheck": "not read"}]
+           "physics": "passed", "cause": "", "simcheck": "caught", "sha256": "catches"}
+    rows = [row, row | {"verdict": "passed", "named": False, "simcheck": "not read",
+                        "sha256": "names"}]
     text = load("sabotage").markdown([{"twin": "t", "commit": "c", "clean": [], "seconds": 2.0,
                                        "files_seconds": 0.2, "rows": rows}])
     assert "2 kinds; 1 caught by the check meant for it, 0 by another, 0 refused" in text
-    assert "1 passed; 1 name the file at fault" in text
+    assert "1 passed; 1 name the file at fault. 1 are caught by the sha256 of files alone" in text
     assert "By physics alone 0 caught, 0 refused, 0 crashed, 2 passed" in text
     assert "simcheck catches 1, passes 0, and does not read what 1 change" in text
+
+
+def test_sha256_are_asked_after_all_else(load, clean) -> None:
+    sabotage = load("sabotage")
+    twin = sabotage.cabinet(clean / "signed")
+    kinds = {k.name: k for k in sabotage.KINDS}
+    found = sabotage.sabotaged(twin, [kinds["texture: mirrored"], kinds["texture black"]],
+                               clean, alone=False)["rows"]
+    assert [(r["verdict"], r["check"], r["sha256"]) for r in found] == [
+        ("caught", "assets", "catches"), ("caught", "same look", "")]
 
 
 def test_the_table_of_twins_counts_what_entries_say(load) -> None:

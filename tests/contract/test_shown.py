@@ -6,6 +6,7 @@ import json
 import shutil
 import struct
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -16,9 +17,10 @@ import yaml
 from synth import toy_cabinet_twin, write_all
 
 from part2gs_robotics.agree.folder import further
-from part2gs_robotics.agree.truth import changed
+from part2gs_robotics.agree.truth import changed, pieces
 from part2gs_robotics.contract.clear import clear_world
 from part2gs_robotics.contract.exported import exported_looks
+from part2gs_robotics.contract.looks import sampled
 from part2gs_robotics.contract.shown import shown
 from part2gs_robotics.contract.urdf import urdf_rules
 from part2gs_robotics.exporters.read_twin import read_twin
@@ -65,6 +67,7 @@ def lines(folder: Path, name: str, change: Callable[[str], str]) -> None:
 
 def test_what_the_program_writes_is_shown_as_it_is(clean: Path) -> None:
     assert not said(clean)
+    assert not pieces(read_twin(clean))
 
 
 @pytest.mark.parametrize(("old", "new", "word"), [
@@ -180,11 +183,52 @@ def test_a_stage_that_shows_something_else(folder: Path, path: str, key: str, va
     assert word in found
 
 
+def test_an_export_of_a_twin_that_was_repaired_shows_the_repaired_one(tmp_path: Path) -> None:
+    base, drawer, *_ = toy_cabinet_twin(2).parts
+    at = base.mesh.faces.ravel()  # every face with corners of its own: exports join them
+    soup = PartMesh(base.mesh.vertices[at], np.arange(len(at)).reshape(-1, 3), base.mesh.colors[at])
+    twin = Twin("soup", (replace(base, mesh=soup), drawer), 1.0, (0.0, 0.0, 1.0))
+    folder = write_all(twin, tmp_path / "twin")
+    assert not exported_looks(folder, read_twin(folder), further(folder))
+
+
 def test_exports_that_cannot_be_read_are_left_to_other_rows(folder: Path) -> None:
     for name in ("glb/twin.glb", "usd/twin.usd"):
         (folder / name).write_bytes((folder / name).read_bytes()[:100])
     twin = read_twin(folder)
     assert not exported_looks(folder, twin, further(folder))
+
+
+@pytest.mark.parametrize(("change", "word"), [
+    (lambda v: v * (-1, 1) + (1, 0), "mirrored"), (lambda v: 1 - v, "turned by half"),
+    (lambda v: v[..., ::-1], "u and v swapped"), (None, "red and blue swapped"),
+    (lambda v: v, "")])
+def test_the_wrong_side_of_a_picture_is_seen_at_the_corners(
+        tmp_path: Path, change: Callable[[Any], Any] | None, word: str) -> None:
+    rng = np.random.default_rng(3)
+    image = rng.integers(0, 256, (32, 32, 3), dtype=np.uint8)
+    uv = rng.random((30, 3, 2)).astype(np.float32)
+    colors = np.round(255 * sampled(Texture(uv, image), uv)).astype(np.uint8)
+    corners = rng.random((90, 3)).astype(np.float32)
+    worn = Texture(uv, np.ascontiguousarray(image[..., ::-1])) if change is None else Texture(
+        np.ascontiguousarray(change(uv), np.float32), image)
+    mesh = PartMesh(corners, np.arange(90, dtype=np.int32).reshape(30, 3), colors, 0.0, worn)
+    part = Part("base", -1, mesh, (), None)
+    texts = [r.detail for r in shown(tmp_path, Twin("t", (part,), None, (0.0, 0.0, 1.0)), {})]
+    assert [word in text for text in texts] == [True] * bool(word)
+
+
+@pytest.mark.parametrize("deed", ["inside out", "the same solid"])
+def test_a_piece_inside_out_or_twice_is_named_without_digests(folder: Path, deed: str) -> None:
+    one, two, *_ = sorted(folder.glob("assets/base_piece_*.obj"))
+    if deed == "inside out":
+        lines(folder, f"assets/{two.name}", lambda line: " ".join(
+            ["f", *line.split()[:0:-1]]) if line.startswith("f ") else line)
+    else:
+        two.write_bytes(one.read_bytes())
+    (row,) = pieces(read_twin(folder))
+    assert row.subject == f"assets/{two.name}"
+    assert deed in row.detail
 
 
 def test_a_changed_file_is_named_with_the_digest_that_accepts_it(folder: Path) -> None:
