@@ -169,7 +169,7 @@ def sabotaged(twin: Path, kinds: list[Kind], place: Path, alone: bool = True) ->
         copy = place / (f"broken_{number}" if alone else "broken")
         shutil.rmtree(copy, ignore_errors=True)
         # exports beside are read as well: only where they are what is broken
-        exports = any("/" in file for file in kind.files) or alone
+        exports = any("/" in file for file in kind.files)
         left = [] if exports else ["sdf", "glb", "usd"]
         shutil.copytree(twin, copy, ignore=shutil.ignore_patterns(*left))
         try:

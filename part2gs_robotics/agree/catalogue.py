@@ -123,8 +123,8 @@ CHECKS = {
                        "1e-5: digits of meshes", "restore the mesh or the number in twin.yaml"),
     "loose bits": _x("no bit of a mesh floats away from everything", f"5 % of the size; {MEASURED}",
                      "remove the bit from the mesh"),
-    "assets": _x("meshes, pieces, materials and pictures are there, and are those that twin.yaml was "
-                 "written with", "sha256 in `files` of twin.yaml; none there, none asked",
+    "assets": _x("meshes, pieces, materials and pictures are there, and are those that twin.yaml "
+                 "was written with", "sha256 in `files` of twin.yaml; none there, none asked",
                  "restore the file, build the twin again, or write the new sha256"),
     "same bodies": _x("all files have the same parts, hung on the same carriers", CONTRACT,
                       "name and hang the part as the other files do"),
@@ -171,13 +171,14 @@ CHECKS = {
                     "write: engines read hundreds, and no other file could contradict them",
                     CONTRACT, "remove the word, or put it into a file of your own that includes "
                     "the twin"),
-    "same look": _x("every file and export shows colours and pictures of the meshes, and pictures fit "
-                    "the colours of their mesh's corners", f"1 % of colours; {MEASURED}",
+    "same look": _x("every file and export shows colours and pictures of the meshes, and pictures "
+                    "fit the colours of their mesh's corners", f"1 % of colours; {MEASURED}",
                     "restore the material or picture, or build or export the twin again"),
     "options": _x("gravity, time step, solver and flags of scene.xml are those of twin.yaml",
                   "9.81 m/s2 along -up in scene units", "correct <option> in scene.xml"),
     "clear world": _x("ground and other things of scene.xml do not touch the twin, and viewers "
-                      "show it", "no contact; a tenth of full light", "move the ground away from the twin"),
+                      "show it", "no contact; a tenth of full light",
+                      "move the ground away from the twin"),
     "own step": _x("the model's own time step and integrator end where a reference of known error "
                    "ends, in smooth motion and in contact (--stress)",
                    "1 % of the range as in `time step`, 5 % in contact: impacts fall between steps",

@@ -185,9 +185,11 @@ def test_a_stage_that_shows_something_else(folder: Path, path: str, key: str, va
 
 def test_an_export_of_a_twin_that_was_repaired_shows_the_repaired_one(tmp_path: Path) -> None:
     base, drawer, *_ = toy_cabinet_twin(2).parts
-    at = base.mesh.faces.ravel()  # every face with corners of its own: exports join them
-    soup = PartMesh(base.mesh.vertices[at], np.arange(len(at)).reshape(-1, 3), base.mesh.colors[at])
-    twin = Twin("soup", (replace(base, mesh=soup), drawer), 1.0, (0.0, 0.0, 1.0))
+    mesh, more = base.mesh, base.mesh.vertices + 0.01  # two bodies through each other: united
+    through = PartMesh(np.concatenate([mesh.vertices, more]),
+                       np.concatenate([mesh.faces, mesh.faces + len(more)]),
+                       np.concatenate([mesh.colors, mesh.colors]))
+    twin = Twin("two", (replace(base, mesh=through), drawer), 1.0, (0.0, 0.0, 1.0))
     folder = write_all(twin, tmp_path / "twin")
     assert not exported_looks(folder, read_twin(folder), further(folder))
 
