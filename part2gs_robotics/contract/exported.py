@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 COLOUR = 0.01  # of 1: colours of a file have four digits
 PLACE = 1e-4  # of a picture: places of corners are float32
 MATERIAL = {"name", "pbrMetallicRoughness"}  # of a glTF material: more changes what it shows
+# What the exporter writes: photos say nothing of gloss.
 LOOK = {"metallicFactor": 0.0, "roughnessFactor": 1.0, "baseColorTexture": None}
 INPUTS = ("roughness", "diffuseColor")  # of a surface in OpenUSD
 
