@@ -44,7 +44,7 @@ def _whole() -> list[Kind]:
     for name in ("twin.xml", "twin_actuated.xml", "scene.xml", URDF, YAML):
         out += [Kind(f"{name} deleted", (name,), GONE, file(name, None)),
                 Kind(f"{name} empty", (name,), GONE, file(name, lambda data: b"")),
-                Kind(f"{name} cut in half", (name,), GONE, file(name, half))]
+                Kind(f"{name} cut in half", (name,), (*GONE, "provenance"), file(name, half))]
     for name, pattern in (("a visual mesh", SEEN), ("a texture", "assets/*_texture.png"),
                           ("a material", "assets/*_visual.mtl"),
                           ("a piece", "assets/*_piece_*.obj")):

@@ -80,7 +80,11 @@ class Subject:
 
 
 def load_spec(path: Path) -> tuple[mujoco.MjSpec, tuple[str, ...]]:
-    """Return the model with every free joint removed, and notes about it."""
+    """Return the model with every free joint removed, and notes about it.
+
+    Raises:
+        ValueError: MuJoCo's own message.
+    """
     import mujoco
 
     spec = mujoco.MjSpec.from_file(str(path))
@@ -93,7 +97,26 @@ def load_spec(path: Path) -> tuple[mujoco.MjSpec, tuple[str, ...]]:
         spec.delete(joint)
     for key in list(spec.keys) if free else []:
         spec.delete(key)  # their qpos no longer fits
+    _give_room(spec)
     return spec, (f"{len(free)} free joint(s) fixed to the world",) if free else ()
+
+
+def _give_room(spec: mujoco.MjSpec) -> None:
+    """Let the engine choose its memory, if what the file gives it is enough to begin.
+
+    Raises:
+        ValueError: it is not.
+    """
+    import mujoco
+
+    if spec.memory < 0:
+        return
+    model = spec.compile()
+    try:
+        mujoco.mj_forward(model, mujoco.MjData(model))
+    except mujoco.FatalError as error:
+        raise ValueError(f"{str(error).splitlines()[0]}: remove memory of <size>") from None
+    spec.memory = -1  # what runs out of it half-way ends the whole check
 
 
 def compile_spec(path: Path) -> mujoco.MjModel:

@@ -135,3 +135,18 @@ def test_a_shallow_overlap_of_others_warns(tmp_path: Path) -> None:
 
 def test_numbers_of_the_engine_stay_finite(tmp_path: Path) -> None:
     assert np.isfinite(make_subject(written(tmp_path), ours=False).size)
+
+
+@pytest.mark.parametrize(("memory", "word"), [("1K", "remove memory of <size>"), ("4K", "memory"),
+                                              ("8M", "no warning")])
+def test_a_model_with_too_little_memory_is_a_row_and_no_crash(tmp_path: Path, memory: str, word: str
+                                                              ) -> None:
+    boxes = "".join(f'<body pos="{i} 0 .29"><joint name="j{i}" type="slide" axis="0 0 1" '
+                    'range="0 1"/><geom type="box" size=".2 .2 .3"/></body>' for i in range(6))
+    (tmp_path / "m.xml").write_text(
+        f'<mujoco><size memory="{memory}"/><worldbody><geom type="plane" size="9 9 1"/>{boxes}'
+        "</worldbody></mujoco>")
+    (row,) = check(tmp_path / "m.xml", only=("compile",)).results
+    assert row.name == "compile"
+    assert (row.status == "pass") is (memory == "8M")
+    assert word in row.detail
