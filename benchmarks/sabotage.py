@@ -271,14 +271,14 @@ def markdown(results: list[dict[str, Any]]) -> str:
 
 def table_of_twins(entries: list[dict[str, Any]]) -> str:
     """Return a line, a row per twin, and every kind that was not caught as meant."""
-    digested = sum(len(e.get("sha256", ())) for e in entries)
+    digested = Counter(kind for e in entries for kind in e.get("sha256", ()))
     total = sum((Counter(e["counts"]) for e in entries), Counter())
     done, named = total.total(), sum(e["named"] for e in entries)
     good = total["caught"] + total["refused"]
     lines = [f"{done} broken copies of {len(entries)} twins: {good} ({good / max(done, 1):.1%}) "
              f"caught by the check meant for it or refused, {total['other']} caught by another, "
              f"{total['crashed']} crashed, {total['passed']} passed; {named} name the file at "
-             f"fault; {digested} are caught by the sha256 of files alone. "
+             f"fault; {digested.total()} are caught by the sha256 of files alone. "
              f"Rows that fail on clean twins: {sum(len(e['clean']) for e in entries)}.", "",
              "| twin | commit | joints | fails when clean | kinds | caught | refused | other | "
              "crashed | passed |", "|---|---|--:|--:|--:|--:|--:|--:|--:|--:|"]
@@ -289,6 +289,9 @@ def table_of_twins(entries: list[dict[str, Any]]) -> str:
                      f"{e['kinds']} | {' | '.join(cells)} |")
     odd = [f"- {e['twin']}: {r['kind']}: {r['verdict']}{' by ' + r['check'] if r['check'] else ''}"
            + ("" if r["named"] else ", file not named") for e in entries for r in e["odd"]]
+    if digested:
+        told = ", ".join(f"{kind} ({count})" for kind, count in sorted(digested.items()))
+        lines += ["", f"By sha256 alone, and of how many twins: {told}."]
     return "\n".join([*lines, "", *odd]).rstrip() + "\n"
 
 

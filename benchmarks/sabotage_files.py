@@ -242,7 +242,7 @@ def _meshes() -> list[Kind]:
         kind("a corner at 1e308", SHAPE, obj(SEEN, lambda v: np.vstack([v[:1] + 1e308, v[1:]]))),
         kind("a floating bit 3 m away", ("loose bits", "mass of mesh"), _float_bit),
         kind("a face names no corner", SHAPE, faces(SEEN, lambda f: [*f, "f 1 2 999999999"])),
-        kind("a piece x 2", ("same collision", "collision"),
+        kind("a piece x 2", ("same collision", "collision", "assets"),
              obj("assets/base_piece_00.obj", lambda v: 2 * v)),
     ]
 

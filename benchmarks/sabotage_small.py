@@ -218,8 +218,8 @@ def _urdf() -> list[Kind]:
         kind("velocity 10 % more", ("same dynamics",), f"{LIMB}/limit", "velocity", times(1.1)),
         kind("colour 5 % brighter", LOOKS, ".//material/color", "rgba", lambda t: " ".join(
             f"{min(float(w) + 0.05, 1):.4f}" for w in t.split())),
-        kind("stands 5 cm up", JOINTS, ".//joint[@name='world_joint']/origin", "xyz",
-             plus(0, 0, 0.05)),
+        kind("stands 5 cm up", (*JOINTS, *SURFACE, "same center"),
+             ".//joint[@name='world_joint']/origin", "xyz", plus(0, 0, 0.05)),
         Kind("URDF: calibrated elsewhere", (URDF,), ("own words", "own settings"), insert(
             URDF, LIMB, "<calibration rising='0.3'/>")),
         Kind("URDF: a visual twice", (URDF,), (*LOOKS, "same surface"), edit_xml(

@@ -35,7 +35,40 @@ def clear_world(model: mujoco.MjModel) -> list[CheckResult]:
                 return [fails("clear world", "scene.xml", f"{one} touches {two} at {name}",
                               f"scene.xml: move {one} or {two} away")]
     clear = passes("clear world", "scene.xml", "ground is clear of it")
-    return _ground(model) + _dark(model) or [clear]
+    return _sunk(model) + _ground(model) + _dark(model) or [clear]
+
+
+def _sunk(model: mujoco.MjModel) -> list[CheckResult]:
+    """Return a ground that stands still in a part that does: the engine looks for no contact."""
+    import mujoco
+
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    planes = np.flatnonzero((model.geom_type == int(mujoco.mjtGeom.mjGEOM_PLANE))
+                            & (model.geom_bodyid == 0))
+    still = (model.body_weldid[model.geom_bodyid] == 0) & (model.geom_bodyid > 0)
+    for g in np.flatnonzero(still & (model.geom_contype | model.geom_conaffinity != 0)):
+        corners = _corners(model, int(g)) @ data.geom_xmat[g].reshape(3, 3).T + data.geom_xpos[g]
+        for p in planes:
+            up = data.geom_xmat[p].reshape(3, 3)[:, 2]
+            if float(((corners - data.geom_xpos[p]) @ up).min(initial=np.inf)) < 0:
+                one, two = model.geom(int(p)).name or f"geom {p}", model.geom(int(g)).name
+                return [fails("clear world", "scene.xml", f"{one} cuts {two or f'geom {g}'}",
+                              f"scene.xml: move {one} below the twin")]
+    return []
+
+
+def _corners(model: mujoco.MjModel, g: int) -> F64:
+    """Return the [N, 3] corners of a mesh or box in its own frame, none of other shapes."""
+    import mujoco
+
+    if model.geom_type[g] == int(mujoco.mjtGeom.mjGEOM_BOX):
+        signs = np.stack(np.meshgrid(*[(-1.0, 1.0)] * 3), -1).reshape(-1, 3)
+        return np.asarray(signs * model.geom_size[g], np.float64)
+    if (mesh := int(model.geom_dataid[g])) < 0:
+        return np.zeros((0, 3))
+    first = int(model.mesh_vertadr[mesh])
+    return np.asarray(model.mesh_vert[first:first + int(model.mesh_vertnum[mesh])], np.float64)
 
 
 def _poses(model: mujoco.MjModel) -> Iterator[tuple[str, F64]]:

@@ -83,9 +83,12 @@ def test_the_table_of_twins_counts_what_entries_say(load) -> None:
     odd = {"kind": "k", "verdict": "other", "check": "compile", "named": False, "cause": ""}
     entry = {"twin": "t", "commit": "c", "clean": [], "joints": 2, "kinds": 50, "named": 49,
              "counts": {"caught": 45, "refused": 4, "other": 1}, "odd": [odd]}
-    text = load("sabotage").table_of_twins([entry, entry | {"twin": "u", "clean": ["mesh: a"]}])
+    text = load("sabotage").table_of_twins([entry, entry | {
+        "twin": "u", "clean": ["mesh: a"], "sha256": ["k", "l"]}])
     assert "100 broken copies of 2 twins: 98 (98.0%) caught" in text
     assert "Rows that fail on clean twins: 1" in text
+    assert "2 are caught by the sha256 of files alone" in text
+    assert "By sha256 alone, and of how many twins: k (1), l (1)." in text
     assert "- t: k: other by compile, file not named" in text
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import shutil
 import struct
+import xml.etree.ElementTree as ET
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -116,6 +117,20 @@ def test_a_world_that_shows_nothing(folder: Path, old: str, new: str, word: str)
     path = folder / "scene.xml"
     path.write_text(path.read_text().replace(old, new, 1))
     assert [word in text for text in said(folder)] == [True] * bool(word)  # one light is enough
+
+
+def test_a_ground_in_the_base_alone_is_named_though_the_engine_sees_no_contact(tmp_path: Path
+                                                                             ) -> None:
+    folder = write_all(toy_cabinet_twin(0), tmp_path / "twin")
+    path = folder / "scene.xml"
+    root = ET.parse(path)
+    ground = next(g for g in root.iter("geom") if g.get("name") == "ground")
+    ground.set("pos", "0 0 0.01")
+    model = mujoco.MjModel.from_xml_path(str(path))
+    assert [r.status for r in clear_world(model)] == ["pass"]
+    root.write(path)
+    (row,) = clear_world(mujoco.MjModel.from_xml_path(str(path)))
+    assert "ground cuts base" in row.detail
 
 
 def test_a_world_without_any_light(folder: Path) -> None:
