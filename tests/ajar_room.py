@@ -23,7 +23,7 @@ def cabinet(lump: float) -> tuple[Manifold, Manifold]:
     room = Manifold.cube([0.9, 1, 0.9], True).translate([0, -0.1, 0])
     base = Manifold.cube([1, 1, 1], True) - room
     door = Manifold.cube([1, 0.04, 1], True).translate([0, -0.521, 0])
-    return base + Manifold.cube([0.2, lump, 0.2]).translate([0.3, -0.5 - lump, 0.0]), door
+    return base + Manifold.cube([0.2, lump, 0.2]).translate([0.25, -0.5 - lump, 0.0]), door
 
 
 def ajar(door: Manifold) -> Manifold:
@@ -31,12 +31,13 @@ def ajar(door: Manifold) -> Manifold:
 
 
 def place(joint: Joint) -> Any:
-    return SimpleNamespace(count=2, joints=(joint,), parents=(0,))
+    return SimpleNamespace(count=2, joints=(joint,), parents=(0,),
+                           state1_from_0=[np.eye(4), joint.transform(joint.value)])
 
 
 def blind() -> Any:
     """Return maps of photos that saw nothing at all."""
-    one = DepthMaps(np.zeros((1, 8, 8), np.float32), np.full((1, 8, 8), 255, np.uint8),
+    one = DepthMaps(np.zeros((1, 8, 8), np.float32), np.zeros((1, 8, 8), np.uint8),
                     np.array([[[8.0, 0, 4], [0, 8, 4], [0, 0, 1]]]), np.eye(4)[None])
     both = SimpleNamespace(maps=one, labels=np.zeros(one.depths.shape, np.uint8))
     return both, both

@@ -122,7 +122,7 @@ def _pictures(twin: Twin) -> Iterator[CheckResult]:
         off = float(np.abs(area @ (own - wanted)).mean())
         others = {f"the picture of {p.name}": sampled(_texture(p), texture.uv) for p in shown
                   if p is not part}
-        others["it upside down"] = sampled(texture, texture.uv * [1, -1] + [0, 1])
+        others |= _other_ways(texture)
         best = min(others, key=lambda k: float(np.abs(others[k] - wanted).mean()))
         flat = _flat(texture)
         if flat > 1 - SPREAD:
@@ -130,10 +130,22 @@ def _pictures(twin: Twin) -> Iterator[CheckResult]:
                        "the picture", f"assets/{part.name}_visual.obj: restore it")
         elif BETTER * float(np.abs(others[best] - wanted).mean()) < gap:
             yield _bad(file, f"{best} fits the colours of its mesh better",
-                       f"{file}: restore it, or build the twin again")
+                       f"{file}: restore it and the vt of assets/{part.name}_visual.obj, or build "
+                       "the twin again")
         elif off > min(OFF, OFF_SHARE * mean + COLOUR):
             yield _bad(file, f"its mean colour is {off:.2g} of 1 off that of its mesh",
                        f"{file}: restore it, or build the twin again")
+
+
+def _other_ways(texture: Texture) -> dict[str, F64]:
+    """Return [3 F, 3] colours at corners if a picture lay another way, by what is done to it."""
+    uv = np.asarray(texture.uv, np.float64)
+    blue = Texture(texture.uv, np.ascontiguousarray(texture.image[..., ::-1]))
+    return {"it upside down": sampled(texture, uv * (1, -1) + (0, 1)),
+            "it mirrored": sampled(texture, uv * (-1, 1) + (1, 0)),
+            "it turned by half": sampled(texture, 1 - uv),
+            "it with u and v swapped": sampled(texture, uv[..., ::-1]),
+            "it with red and blue swapped": sampled(blue, uv)}
 
 
 def _texture(part: Part) -> Texture:

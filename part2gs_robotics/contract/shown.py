@@ -10,9 +10,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from part2gs_robotics.agree.finding import CheckResult, fails
-from part2gs_robotics.contract.looks import BETTER, FACES, sampled
 from part2gs_robotics.model.arrays import F64
-from part2gs_robotics.model.twin import Part, Texture, Twin
+from part2gs_robotics.model.twin import Part, Twin
 
 if TYPE_CHECKING:
     import mujoco
@@ -29,7 +28,7 @@ def shown(folder: Path, twin: Twin, models: Mapping[str, mujoco.MjModel]) -> lis
         twin: with its meshes.
         models: compiled, by file.
     """
-    out = [row for part in twin.parts for row in (*_mesh(folder, part), *_picture(part))]
+    out = [row for part in twin.parts for row in _mesh(folder, part)]
     for file, model in models.items():
         out += _painted(file, model) if file.endswith(".xml") else []
     return out
@@ -57,25 +56,6 @@ def _mesh(folder: Path, part: Part) -> Iterator[CheckResult]:
     if not turn >= UPRIGHT:
         yield _bad(file, f"its normals and its faces have a mean cosine of {turn:.2g}, so that it "
                    "is lit from the wrong side", "restore its vn, or build the twin again")
-
-
-def _picture(part: Part) -> Iterator[CheckResult]:
-    """Yield that another side of a picture, or another order of colours, fits its mesh better."""
-    texture, mesh = part.mesh.texture, part.mesh
-    if texture is None or len(mesh.faces) < FACES:
-        return
-    uv = np.asarray(texture.uv, np.float64)
-    other = Texture(texture.uv, np.ascontiguousarray(texture.image[..., ::-1]))
-    ways = {"": sampled(texture, uv), "mirrored": sampled(texture, uv * (-1, 1) + (1, 0)),
-            "turned by half": sampled(texture, 1 - uv), "with u and v swapped":
-            sampled(texture, uv[..., ::-1]), "with red and blue swapped": sampled(other, uv)}
-    wanted = mesh.colors.astype(np.float64)[mesh.faces.reshape(-1)] / 255.0
-    gaps = {way: float(np.abs(colours - wanted).mean()) for way, colours in ways.items()}
-    best = min(gaps, key=lambda way: gaps[way])
-    if BETTER * gaps[best] < gaps[""]:
-        file = f"assets/{part.name}_texture.png"
-        yield _bad(file, f"it {best} fits the colours of its mesh better", "restore it and the vt "
-                   f"of assets/{part.name}_visual.obj, or build the twin again")
 
 
 def _normals(data: bytes, part: Part) -> float:

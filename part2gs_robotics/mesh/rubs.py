@@ -16,8 +16,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from part2gs_robotics.collision.depth import depth
-from part2gs_robotics.mesh.make_room import base_apart
-from part2gs_robotics.mesh.shut import End, flush_ends, in_the_way, meets, onward
+from part2gs_robotics.mesh.shut import End, flush_ends, let_by, meets
 from part2gs_robotics.model.joint import Joint
 from part2gs_robotics.volume.part_maps import PartMaps
 from part2gs_robotics.volume.place import Place
@@ -55,11 +54,10 @@ def without_rubs(surfaces: Sequence[Manifold], pieces: Sequence[Sequence[Manifol
             way = min([way, *(abs(end.value - start) for end in flush
                               if (end.part, end.start) == (k, start) and meets(out, joint, end))])
             end = End(k, start + sign * way, start)
-            if not rubs or way <= 0 or in_the_way(out[0], pieces[k], place, maps, end, voxel):
+            cut = let_by(out, pieces[k], place, maps, end, voxel) if rubs and way > 0 else None
+            if cut is None:
                 continue
-            at = joint.transform(start)[:3]
-            out[0] = base_apart(out[0], k, [piece.transform(at) for piece in pieces[k]],
-                                onward(place, end), voxel)
+            out[0] = cut
             logger.info("part %d turns on by %.1f degrees past what it rubs on", k,
                         np.rad2deg(way))
     return out

@@ -8,6 +8,7 @@ the fitted depth first, share what stopping it is worth, and the cheapest of the
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -21,11 +22,16 @@ from part2gs_robotics.render.mesh_depths import NEAR, draw_depths
 from part2gs_robotics.volume.part_maps import PartMaps
 from part2gs_robotics.volume.place import Place
 
+if TYPE_CHECKING:
+    from manifold3d import Manifold
+
 BEYOND = 5.0  # cells behind the fitted depth: nearer is its noise
 REACH = 8.0  # cells before and behind it where the surface may be
 LIKELY = 3.0  # cells: deviation of fitted depths on surfaces without texture
 WORTH = 1.0  # belief that stopping the ray of a face of a cell is worth, in every photo
 RIM = 1  # pixels at outlines and rims of holes: there the twin may be off by as much
+SOLID = 128  # of 255: more of the pixel is the object than not
+TORN = 1e-3  # of a state's masks, within rims: a tenth of what silhouettes of twins are off
 
 
 def unstopped(boards: Sequence[BoardSolid], place: Place,
@@ -73,6 +79,33 @@ def missed(boards: Sequence[BoardSolid], place: Place, maps: Sequence[PartMaps])
                     index, inside = _voxels(grid, apply(inverse(poses[k]), points))
                     np.add.at(wanted[k], tuple(index.T), share.ravel()[inside])
     return wanted
+
+
+def torn(before: Sequence[Manifold], after: Sequence[Manifold], place: Place,
+         maps: Sequence[PartMaps], voxel: float) -> bool:
+    """Say whether photos would look through what one set of surfaces stops and another does not.
+
+    Depths may be wrong, masks are not: what they show ends on something.
+
+    Args:
+        before: closed, per part, world frame at state 0.
+        after: the same parts.
+        place: of the parts in both states.
+        maps: depth and part of every pixel, per state.
+        voxel: size of the grid's cells, scene units.
+    """
+    from scipy.ndimage import binary_erosion
+
+    for s in (0, 1):
+        poses = [place.state1_from_0[k] if s else np.eye(4) for k in range(place.count)]
+        old, new = (drawn([arrays(one) for one in surfaces], poses, maps[s].maps, voxel)
+                    for surfaces in (before, after))
+        solid = maps[s].maps.alphas >= SOLID
+        through = solid & np.isfinite(old) & np.isinf(new)
+        if through.sum() > TORN * solid.sum() or any(
+                binary_erosion(one, np.ones((2 * RIM + 1,) * 2)).any() for one in through):
+            return True
+    return False
 
 
 def _voxels(grid: Grid, points: F64) -> tuple[I64, Mask]:

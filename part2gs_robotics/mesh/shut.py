@@ -3,7 +3,8 @@
 A door or lid was photographed a little open; what is behind it, nobody saw, and the mesh made up
 there stops it at once. But made things shut flush: at the end of its way a door's faces lie along
 those of the base. Where they do, and the part runs into the base right beyond, the base yields to
-the whole way up to there, if nothing that photos saw has to.
+the whole way up to there, unless photos saw what would have to: a surface well before the end, or
+anything that the background showed the outline of.
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ import numpy as np
 from part2gs_robotics.evidence.depth_maps import observe
 from part2gs_robotics.mesh.bend import planes_of
 from part2gs_robotics.mesh.make_room import base_apart
+from part2gs_robotics.mesh.see_through import torn
 from part2gs_robotics.model.arrays import F64, Mask
 from part2gs_robotics.model.joint import Joint
 from part2gs_robotics.model.se3 import apply, inverse
@@ -75,12 +77,8 @@ def shut(surfaces: Sequence[Manifold], pieces: Sequence[Sequence[Manifold]], pla
         joint, own = place.joints[end.part - 1], pieces[end.part]
         if (end.part, end.start) in done or not own or not meets(out, joint, end):
             continue
-        if in_the_way(out[0], own, place, maps, end, voxel):
-            continue
-        start = joint.transform(end.start)[:3]
-        cut = base_apart(out[0], end.part, [piece.transform(start) for piece in own],
-                         onward(place, end), voxel)
-        if meets([cut, *out[1:]], joint, end):
+        cut = let_by(out, own, place, maps, end, voxel)
+        if cut is not None and meets([cut, *out[1:]], joint, end):
             logger.info("part %d shuts flush %.1f degrees beyond a state", end.part,
                         np.rad2deg(abs(end.value - end.start)))
             out[0] = cut
@@ -140,18 +138,6 @@ def _flush(own: F64, base: F64, axis: F64) -> list[float]:
             if len(one)]
 
 
-def onward(place: Place, end: End) -> Place:
-    """Return a place in which one part, where it was observed, goes on to an end, others stay.
-
-    Args:
-        place: joints, and the part that carries each.
-        end: of the way.
-    """
-    joints = tuple(replace(joint, value=end.value - end.start if k == end.part else 0.0)
-                   for k, joint in enumerate(place.joints, 1))
-    return cast("Place", SimpleNamespace(count=place.count, joints=joints, parents=place.parents))
-
-
 def meets(surfaces: Sequence[Manifold], joint: Joint, end: End) -> bool:
     """Say whether a part runs into the base as soon as it goes on beyond where it is shut.
 
@@ -167,17 +153,33 @@ def meets(surfaces: Sequence[Manifold], joint: Joint, end: End) -> bool:
     return float((beyond ^ surfaces[0]).volume()) > SUNK * passed
 
 
-def in_the_way(base: Manifold, pieces: Sequence[Manifold], place: Place,
-                maps: Sequence[PartMaps], end: End, voxel: float) -> bool:
-    """Say whether photos saw the base where a part passes on its way to an end.
+def let_by(surfaces: Sequence[Manifold], pieces: Sequence[Manifold], place: Place,
+           maps: Sequence[PartMaps], end: End, voxel: float) -> Manifold | None:
+    """Return the base without what a part passes on its way to an end; None if photos saw that.
 
     Args:
-        base: closed, world frame at state 0.
+        surfaces: closed, base first, world frame at state 0.
         pieces: convex: what the part is the union of.
         place: joints, and the part that carries each.
         maps: what photos of both states saw.
         end: of the way.
         voxel: size of the grid's cells, scene units.
+    """
+    if _in_the_way(surfaces[0], pieces, place, maps, end, voxel):
+        return None
+    joint, at = place.joints[end.part - 1], end.start
+    joints = tuple(replace(one, value=end.value - at if one is joint else 0.0)
+                   for one in place.joints)
+    onward = cast("Place", SimpleNamespace(count=place.count, joints=joints,
+                                           parents=place.parents))
+    cut = base_apart(surfaces[0], end.part,
+                     [piece.transform(joint.transform(at)[:3]) for piece in pieces], onward, voxel)
+    return None if torn(surfaces, [cut, *surfaces[1:]], place, maps, voxel) else cut
+
+
+def _in_the_way(base: Manifold, pieces: Sequence[Manifold], place: Place,
+                maps: Sequence[PartMaps], end: End, voxel: float) -> bool:
+    """Say whether photos saw the base where a part passes on its way to an end.
 
     What it passes beside its edges by less than the noise of surfaces is not in its way.
     """

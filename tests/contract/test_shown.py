@@ -21,7 +21,7 @@ from part2gs_robotics.agree.folder import further
 from part2gs_robotics.agree.truth import changed, pieces
 from part2gs_robotics.contract.clear import clear_world
 from part2gs_robotics.contract.exported import exported_looks
-from part2gs_robotics.contract.looks import sampled
+from part2gs_robotics.contract.looks import looks, sampled
 from part2gs_robotics.contract.shown import shown
 from part2gs_robotics.contract.urdf import urdf_rules
 from part2gs_robotics.exporters.read_twin import read_twin
@@ -231,7 +231,8 @@ def test_the_wrong_side_of_a_picture_is_seen_at_the_corners(
         np.ascontiguousarray(change(uv), np.float32), image)
     mesh = PartMesh(corners, np.arange(90, dtype=np.int32).reshape(30, 3), colors, 0.0, worn)
     part = Part("base", -1, mesh, (), None)
-    texts = [r.detail for r in shown(tmp_path, Twin("t", (part,), None, (0.0, 0.0, 1.0)), {})]
+    rows = looks(tmp_path, Twin("t", (part,), None, (0.0, 0.0, 1.0)))
+    texts = [r.detail for r in rows if r.subject == "assets/base_texture.png"]
     assert [word in text for text in texts] == [True] * bool(word)
 
 

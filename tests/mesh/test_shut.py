@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from ajar_room import AJAR, OPEN, VOXEL, ajar, blind, cabinet, hinge, looking, overlap_at, place
+from manifold3d import Manifold
 
 from part2gs_robotics.mesh.shut import shut
 from part2gs_robotics.model.joint import Joint
@@ -20,7 +21,7 @@ def test_a_lump_that_nobody_saw_yields_until_the_door_is_shut() -> None:
 
 
 def test_a_lump_that_photos_saw_stops_the_door() -> None:
-    base, shut_door = cabinet(0.105)
+    base, shut_door = cabinet(0.1)
     door = ajar(shut_door)
     cut, _ = shut([base, door], [[base], [door]], place(hinge()), looking(base), VOXEL)
     assert cut is base
@@ -33,8 +34,17 @@ def test_a_wall_that_stands_out_no_farther_than_rooms_without_texture_do_yields(
     assert max(overlap_at(cut, door, way) for way in np.linspace(0, 7.9, 9)) < 1e-9
 
 
+def test_a_fin_before_the_background_stays_though_the_door_would_take_it_off() -> None:
+    base, shut_door = cabinet(0.0)
+    base = base + Manifold.cube([0.2, 0.05, 0.3], True).translate([0.58, -0.52, 0])
+    door = ajar(shut_door + Manifold.cube([0.3, 0.04, 1], True).translate([0.6, -0.521, 0]))
+    for maps, stays in ((looking(base), True), (blind(), False)):
+        cut, _ = shut([base, door], [[base], [door]], place(hinge()), maps, VOXEL)
+        assert (cut is base) == stays
+
+
 def test_what_photos_saw_of_the_door_beside_a_lump_is_no_lump() -> None:
-    base, shut_door = cabinet(0.105)
+    base, shut_door = cabinet(0.1)
     door = ajar(shut_door)
     cut, _ = shut([base, door], [[base], [door]], place(hinge()), looking(base, 1), VOXEL)
     assert cut.volume() < base.volume()
