@@ -58,8 +58,8 @@ def without_rubs(surfaces: Sequence[Manifold], pieces: Sequence[Sequence[Manifol
             if cut is None:
                 continue
             out[0] = cut
-            logger.info("part %d turns on by %.1f degrees past what it rubs on", k,
-                        np.rad2deg(way))
+            logger.info("part %d: the base yields to it for %.1f degrees beyond a state, where it "
+                        "rubs", k, np.rad2deg(way))
     return out
 
 

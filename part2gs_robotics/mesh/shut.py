@@ -155,7 +155,9 @@ def meets(surfaces: Sequence[Manifold], joint: Joint, end: End) -> bool:
 
 def let_by(surfaces: Sequence[Manifold], pieces: Sequence[Manifold], place: Place,
            maps: Sequence[PartMaps], end: End, voxel: float) -> Manifold | None:
-    """Return the base without what a part passes on its way to an end; None if photos saw that.
+    """Return the base without what a part passes on its way to an end.
+
+    None if photos saw that, or nothing can be taken.
 
     Args:
         surfaces: closed, base first, world frame at state 0.
@@ -174,7 +176,9 @@ def let_by(surfaces: Sequence[Manifold], pieces: Sequence[Manifold], place: Plac
                                            parents=place.parents))
     cut = base_apart(surfaces[0], end.part,
                      [piece.transform(joint.transform(at)[:3]) for piece in pieces], onward, voxel)
-    return None if torn(surfaces, [cut, *surfaces[1:]], place, maps, voxel) else cut
+    if cut is surfaces[0] or torn(surfaces, [cut, *surfaces[1:]], place, maps, voxel):
+        return None
+    return cut
 
 
 def _in_the_way(base: Manifold, pieces: Sequence[Manifold], place: Place,
