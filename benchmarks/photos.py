@@ -5,9 +5,10 @@
 Every object stands in two states on a table in a lit room with patterns, path-traced by Mitsuba
 (extra `bench`): a hand-held walk in two rounds, noise, exposure steps, JPEG, a printed sheet of
 markers on the table. Nothing but the photos is given to `part2gs-robot scene`. Its cameras are
-laid over the true ones by one similarity; masks are compared with the true ones. Photos and scenes
-that --work holds already are used again. Without --work the table of docs/photos.md is made anew
-from benchmarks/results/photos.json.
+laid over the true ones by one similarity; masks are compared with the true ones. --build builds
+the twin as well, and the kit's score.py reads it. Photos, scenes and twins that --work holds are
+used again. Without --work the tables of docs/photos.md are made anew from
+benchmarks/results/photos.json.
 """
 
 from __future__ import annotations
@@ -23,6 +24,7 @@ from typing import Any
 import cv2
 import numpy as np
 import yaml
+from photos_twin import twin_scores
 from reconstruction_suite import git, published
 
 from part2gs_robotics.config_rooms import ReadConfig
@@ -34,7 +36,8 @@ from part2gs_robotics.readers.read_scene import read_cameras
 ROOT = Path(__file__).resolve().parents[1]
 RESULTS, PAGE = ROOT / "benchmarks/results/photos.json", ROOT / "docs/photos.md"
 MARKS = "<!-- photos:begin -->", "<!-- photos:end -->"
-OBJECTS = "libero_microwave", "sektion_cabinet"
+OBJECTS = ("libero_microwave", "sektion_cabinet", "pm_101619_safe", "pm_10211_laptop",
+           "pm_102209_trashcan", "libero_wooden_cabinet", "pm_31249_table", "pm_103275_stapler")
 COUNT, SIZE, SAMPLES, FOV_DEG = 32, (800, 600), 16, 60.0
 QUALITY, STEPS = 90, (-0.33, 0.0, 0.0, 0.33)  # JPEG; exposure of a photo, stops
 
@@ -45,13 +48,19 @@ def main() -> int:
     parser.add_argument("--kit", type=Path, help="the benchmark kit")
     parser.add_argument("--work", type=Path, help="folder for photos and scenes")
     parser.add_argument("--objects", nargs="+", default=OBJECTS)
+    parser.add_argument("--build", action="store_true", help="build and score twins as well")
     args = parser.parse_args()
     rows = {r["object"]: r for r in json.loads(RESULTS.read_text())} if RESULTS.exists() else {}
     for name in args.objects if args.work else ():
         folder = args.work / name
         if not (folder / "truth.json").exists():
             render(args.kit, name, folder)
-        rows[name] = scored(name, folder)
+        before = rows.get(name, {})
+        row, room_from_scene = scored(name, folder)
+        row["seconds"] = before.get("seconds") if row["seconds"] is None else row["seconds"]
+        if args.build:
+            row["twin"] = twin_scores(args.kit, name, folder, room_from_scene)
+        rows[name] = row
         RESULTS.write_text(json.dumps([rows[n] for n in sorted(rows)], indent=1) + "\n")
     return published(rows, RESULTS, (PAGE, *MARKS), markdown)
 
@@ -80,8 +89,11 @@ def render(kit: Path, name: str, folder: Path) -> None:
     (folder / "truth.json").write_text(json.dumps(truth))
 
 
-def scored(name: str, folder: Path) -> dict[str, Any]:
-    """Return the row of one object; lengths are in diagonals of the object."""
+def scored(name: str, folder: Path) -> tuple[dict[str, Any], tuple[float, np.ndarray]]:
+    """Return the row of one object, and scale and motion that lay its scene over the room.
+
+    Lengths are in diagonals of the object.
+    """
     scene, seconds = folder / "scene", None
     if not scene.exists():
         began = time.monotonic()
@@ -103,7 +115,7 @@ def scored(name: str, folder: Path) -> dict[str, Any]:
     turned = np.array(found)[:, :3, :3] @ move[:3, :3].T @ np.array(true)[:, :3, :3]
     angle = np.rad2deg(np.arccos(np.clip((np.trace(turned, axis1=1, axis2=2) - 1) / 2, -1, 1)))
     first = len(states[0])
-    return {"object": name, "commit": git("rev-parse", "--short", "HEAD"),
+    row = {"object": name, "commit": git("rev-parse", "--short", "HEAD"),
             "taken": sum(facts["photos"]), "registered": sum(facts["registered"]),
             "place": round(100 * float(np.median(np.linalg.norm(off, axis=1))), 3),
             "angle_deg": round(float(np.median(angle)), 3),
@@ -111,6 +123,7 @@ def scored(name: str, folder: Path) -> dict[str, Any]:
                                                       - off[first:].mean(0))), 3),
             "iou": round(float(np.mean(overlaps)), 4), "worst": round(min(overlaps), 3),
             "scale": scale_error(facts, scale), "seconds": seconds, "cores": os.cpu_count()}
+    return row, (scale, move)
 
 
 def scale_error(facts: dict[str, Any], scale: float) -> float | None:
@@ -130,17 +143,31 @@ def overlap(one: Path, two: Path) -> float:
 
 
 def markdown(rows: list[dict[str, Any]]) -> str:
-    """Return the table."""
+    """Return both tables: cameras and masks, then twins."""
     lines = ["| object | photos registered | cameras: place, % | angle, deg | states apart, % "
              "| masks: mean IoU, worst | scale error, % | s | commit |",
              "|---|---|---|---|---|---|---|---|---|"]
     for r in rows:
         scale = "-" if r["scale"] is None else f"{r['scale']:+.2f}"
-        seconds = "-" if r["seconds"] is None else f"{r['seconds']}"
         lines.append(f"| {r['object']} | {r['registered']} of {r['taken']} | {r['place']:.2f} | "
                      f"{r['angle_deg']:.3f} | {r['apart']:.3f} | {r['iou']:.3f}, {r['worst']:.2f} "
-                     f"| {scale} | {seconds} | {r['commit']} |")
+                     f"| {scale} | {figure(r['seconds'], 0)} | {r['commit']} |")
+    lines += ["", "| object | parts found | false ones | axis, deg | position, % | mIoU "
+              "| exit code | s |", "|---|---|---|---|---|---|---|---|"]
+    for r in rows:
+        if (t := r.get("twin")) and "found" in t:
+            lines.append(f"| {r['object']} | {t['found']} of {t['true']} | {t['more']} | "
+                         f"{figure(t['axis_deg'])} | {figure(t['line_pct'])} | {t['miou']:.3f} | "
+                         f"{t['exit']} | {figure(t['build_s'], 0)} |")
+        elif t:
+            lines.append(f"| {r['object']} | no twin | - | - | - | - | {figure(t['exit'], 0)} | "
+                         f"{figure(t['build_s'], 0)} |")
     return "\n".join(lines) + "\n"
+
+
+def figure(value: float | None, digits: int = 2) -> str:
+    """Return a number as the tables write it."""
+    return "-" if value is None else f"{value:.{digits}f}"
 
 
 if __name__ == "__main__":

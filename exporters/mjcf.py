@@ -73,7 +73,9 @@ def twin_xml(twin: Twin, physics: Physics, *, actuated: bool = False) -> ET.Elem
 def _defaults(root: ET.Element, twin: Twin) -> None:
     """Hang every default on a class of the twin's own: the nameless one counts for all models."""
     own = add(add(root, "default"), "default", class_=f"{twin.name}_part")
-    add(own, "joint", solreflimit=(0.008, 1), solimplimit=(0.95, 0.99, 0.001))
+    # the engine's own softness of friction lets a lid creep down by a degree in a second
+    add(own, "joint", solreflimit=(0.008, 1), solimplimit=(0.95, 0.99, 0.001),
+        solimpfriction=(0.9999, 0.9999, 0.001))
     visual = add(own, "default", class_=f"{twin.name}_visual")
     add(visual, "mesh", inertia="exact")
     add(visual, "geom", type="mesh", group=str(SEEN_GROUP), contype="0", conaffinity="0", mass=0)

@@ -18,7 +18,7 @@ MJCF: Words = TELLS | {
     "mujoco": "model", "default": "class", "asset": "", "worldbody": "", "keyframe": "",
     "equality": "", "body": "childclass name", "inertial": "fullinertia mass pos",
     "joint": "name class type pos axis range limited damping frictionloss armature solreflimit "
-             "solimplimit joint1 joint2 polycoef solref solimp",
+             "solimplimit solimpfriction joint1 joint2 polycoef solref solimp",
     "geom": "name class type mesh material size pos quat group contype conaffinity mass rgba "
             "solref solimp friction condim margin gap",
     "mesh": "name class file inertia scale", "material": "name texture rgba",

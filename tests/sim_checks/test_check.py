@@ -53,7 +53,7 @@ def test_sound_twin_passes_everything(sound: tuple[Path, CheckReport]) -> None:
     assert {r.name for r in report.results} >= {
         "compile", "mesh", "inertia", "limits", "observed state", "reach", "tracking",
         "others still", "warnings", "overlap", "phantom contact", "time step", "gain x 100",
-        "hold", "passive", "same twin", "push", "drift", "collision",
+        "hold", "passive", "same twin", "push", "drift", "stands", "collision",
     }  # fmt: skip
 
 

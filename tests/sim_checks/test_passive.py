@@ -69,12 +69,21 @@ def test_a_spring_moves_a_joint_by_itself(tmp_path: Path) -> None:
     assert ("drift", "part_2_joint") in failed(check(folder, only=("passive",)))
 
 
-def test_gravity_is_no_drift(tmp_path: Path) -> None:
-    """The lever falls from state 1 with its weight, and stays without it; both are told."""
-    report = check(cabinet(tmp_path / "t", 3), only=("passive",))
+def test_a_part_that_falls_from_where_it_stood_is_caught(tmp_path: Path) -> None:
+    """The lever hangs; half a radian aside only friction holds it. Without gravity it stays."""
+    folder = cabinet(tmp_path / "t", 3)
+    report = check(folder, only=("passive",))
     assert report.ok
-    (row,) = [r for r in report.results if (r.name, r.subject) == ("drift", "part_3_joint")]
+    (row,) = [r for r in report.results if (r.name, r.subject) == ("stands", "part_3_joint")]
+    assert row.value < 1e-3
     assert "gravity pulls -0.0054" in row.detail
+    edit(folder, r'frictionloss="0\.0059\d+"', 'frictionloss="0.004"')
+    assert failed(check(folder, only=("passive",))) == {("stands", "part_3_joint")}
+
+
+def test_friction_of_the_engines_own_softness_creeps(tmp_path: Path) -> None:
+    folder = edit(cabinet(tmp_path / "t", 3), r'solimpfriction="[\d. ]+"', "")
+    assert failed(check(folder, only=("passive",))) == {("stands", "part_3_joint")}
 
 
 @pytest.mark.parametrize(("pattern", "text", "what"), [
@@ -109,7 +118,7 @@ def test_older_folders_and_single_files_are_driven_as_they_are(tmp_path: Path) -
     for report in (single, older):
         assert report.ok
         assert {r.name for r in report.results} >= {"reach", "tracking"}
-        assert not {r.name for r in report.results} & {"push", "drift", "same twin"}
+        assert not {r.name for r in report.results} & {"push", "drift", "stands", "same twin"}
 
 
 def test_broken_motors_stop_the_check(tmp_path: Path) -> None:
@@ -132,8 +141,8 @@ def test_a_twin_passes_whatever_is_up(tmp_path: Path) -> None:
     write_mjcf(twin, tmp_path)
     report = check(tmp_path, steps=5, only=("states", "actuation", "stability", "passive"))
     assert report.ok, [r for r in report.results if r.status != "pass"]
-    pulled = {r.subject: r.detail for r in report.results if r.name == "drift"}
-    assert "gravity pulls -69.7, friction holds 1.39" in pulled["part_1_joint"]
+    pulled = {r.subject: r.detail for r in report.results if r.name == "stands"}
+    assert "gravity pulls -69.7, friction holds 76.6" in pulled["part_1_joint"]
 
 
 PUSHED = """<mujoco><option gravity="0 0 0" timestep=".002"/><worldbody>
