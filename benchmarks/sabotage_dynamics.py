@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import mujoco
+import numpy as np
 from sabotage_models import DRIVEN, JOINT, SERVO
-from sabotage_tools import MJCF, Deed, Kind, NotHereError, both, put, times, told
+from sabotage_tools import MJCF, Deed, Kind, NotHereError, both, edit_xml, put, times, told
 
 URDF, YAML = "twin.urdf", "twin.yaml"
 OF_URDF = ".//joint[@name='part_1_joint']"
@@ -26,6 +28,18 @@ def _sdf(path: str, factor: float) -> Deed:
     return where_it_is
 
 
+def _falls(folder: Path) -> None:
+    """Raise if no weight pulls at the first joint in a keyframe: friction holds nothing there."""
+    model = mujoco.MjModel.from_xml_path(str(folder / "twin.xml"))
+    data, pulled = mujoco.MjData(model), []
+    for key in range(model.nkey):
+        mujoco.mj_resetDataKeyframe(model, data, key)
+        mujoco.mj_forward(model, data)
+        pulled.append(abs(data.qfrc_bias[0]))
+    if not np.max(pulled) > 0.5 * model.dof_frictionloss[0]:
+        raise NotHereError("no joint that friction holds against gravity")
+
+
 def kinds() -> list[Kind]:
     """Return every kind, in the order of the table."""
     names = ("twin.xml", DRIVEN, URDF, YAML)
@@ -40,6 +54,13 @@ def kinds() -> list[Kind]:
             put(MJCF, JOINT, "frictionloss", times(20)),
             put(URDF, f"{OF_URDF}/dynamics", "friction", times(20)),
             _sdf("dynamics/friction", 20), told("joints", "friction", lambda old: old * 20))),
+        Kind("friction x 0.02, in every file", names, ("stands",), both(
+            _falls, put(MJCF, JOINT, "frictionloss", times(0.02)),
+            put(URDF, f"{OF_URDF}/dynamics", "friction", times(0.02)),
+            _sdf("dynamics/friction", 0.02), told("joints", "friction", lambda old: old * 0.02))),
+        Kind("friction creeps (solimpfriction as MuJoCo has it)", MJCF, ("own settings", "stands"),
+             edit_xml(MJCF, lambda r: [j.attrib.pop("solimpfriction", None)
+                                       for j in r.iter("joint")])),
         Kind("damping x 50, in every file", names, ("push", *WEAK), both(
             put(MJCF, JOINT, "damping", times(50)),
             put(URDF, f"{OF_URDF}/dynamics", "damping", times(50)),
