@@ -222,9 +222,21 @@ def _settled(judge: Judge, found: Candidate, photos: Photos, config: ArticulateC
     found = nearly(judge, found, photos.sharp) if carried else found
     left = found if config.parts else least(judge, judge.judge(found))
     if len(left) < len(found):
-        return aligned(judge, left, photos.sharp)
+        return _paying(judge, aligned(judge, left, photos.sharp), photos)
     end = finely(judge, found, photos.sharp) if carried else left
-    return end if config.parts else judge.judge(end)
+    return end if config.parts else _paying(judge, end, photos)
+
+
+def _paying(judge: Judge, found: Candidate, photos: Photos) -> Candidate:
+    """Return the candidate judged, aligned again without what its last joints do not pay for.
+
+    The last alignment may lead a joint away from what it was decided by.
+    """
+    found = judge.judge(found)
+    left = thinned(judge, found)
+    if len(left) == len(found):
+        return found
+    return _paying(judge, aligned(judge, left, photos.sharp), photos)
 
 
 def _about_number(asked: int | None, found: int, short: bool, saves: Sequence[float],

@@ -10,6 +10,7 @@ import pytest
 from part2gs_robotics.articulate import Clock, Found, _settled, settled_motion
 from part2gs_robotics.config import ArticulateConfig
 from part2gs_robotics.decide.candidate import on_base
+from part2gs_robotics.decide.leave_out import saved, thinned
 from part2gs_robotics.joints.settle import Photos
 from part2gs_robotics.model.joint import Joint
 
@@ -39,6 +40,34 @@ def test_a_part_that_does_not_pay_leaves_and_the_true_one_has_its_place(
     sound = on_base([first, second], right.labels)
     assert _settled(judge, sound, Photos((), ()), ArticulateConfig(), pool).motions == sound.motions
     assert settled == [2, len(found), 2], "nothing left: settled once"
+
+
+@pytest.mark.parametrize("asked", [None, 3])
+def test_a_part_that_its_last_alignment_led_astray_leaves(
+        judge, right, look_alikes, asked, monkeypatch):
+    """It pays when it is compared and not where it ends: the others are aligned without it."""
+    first, second = (Joint("prismatic", h.axis, h.origin, h.value) for h in look_alikes.truth)
+    astray, aligned_sets = replace(second, value=-second.value), []
+
+    def keep(_judge, found, *_):
+        return found
+
+    def led(_judge, found, _views):
+        aligned_sets.append(len(found))
+        return found.with_motions([*found.motions[:2], astray]) if len(found) == 3 else found
+
+    for name, stub in {"settle": keep, "nearly": keep, "least": keep, "thinned": thinned,
+                       "finely": led, "aligned": led}.items():
+        monkeypatch.setattr(f"part2gs_robotics.articulate.{name}", stub)
+    monkeypatch.setattr("part2gs_robotics.articulate.hang", lambda _judge, found, *_: found.plus(
+        astray, 1))
+    start = on_base([first, second], right.labels)
+    found = _settled(judge, start, Photos((), ()), ArticulateConfig(parts=asked), [])
+    assert len(found) == (asked or 2)
+    assert aligned_sets == ([3] if asked else [3, 2])
+    if not asked:
+        assert found.motions == (first, second)
+        assert min(saved(judge, found)) > 0.0
 
 
 def settled_of(look_alikes, judge, decided, config):
