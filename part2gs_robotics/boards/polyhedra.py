@@ -86,4 +86,4 @@ def joined(pieces: list[Manifold], voxel: float) -> Manifold:
     import manifold3d
 
     whole = manifold3d.Manifold.batch_boolean(pieces, manifold3d.OpType.Add)
-    return whole.simplify(FLUSH * OVERLAP * voxel)
+    return whole.as_original().simplify(FLUSH * OVERLAP * voxel)

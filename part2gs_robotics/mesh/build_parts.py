@@ -128,7 +128,8 @@ def _apart(surfaces: list[Manifold], place: Place, voxel: float) -> list[Manifol
                 tool = surfaces[keep].transform(rival[:3])
                 if (surfaces[cut] ^ tool).volume() <= 0:
                     continue
-                trimmed = (surfaces[cut] - tool).simplify(1e-3 * voxel)
+                rest = (surfaces[cut] - tool).as_original()
+                trimmed = rest.simplify(1e-3 * voxel)
                 if flaw(trimmed) is None:
                     surfaces[cut] = trimmed
     return surfaces

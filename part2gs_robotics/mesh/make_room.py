@@ -124,6 +124,7 @@ def without(solid: Manifold, tools: list[Manifold], part: int, voxel: float) -> 
     rest = _rest(solid, tools)
     if rest is solid or rest.is_empty():
         return solid
+    rest = rest.as_original()  # or faces of two tools in one plane stay apart, slivers between them
     for step in (FINE * voxel, 0.0):
         tidy = vertices_apart(without_bits(rest.simplify(step) if step else rest), voxel)
         if flaw(tidy) is None:

@@ -1,5 +1,6 @@
 """Make room: what a part sweeps is cut out of what it passes."""
 
+from itertools import pairwise
 from types import SimpleNamespace
 from typing import Any
 
@@ -7,7 +8,7 @@ import numpy as np
 import pytest
 from manifold3d import Manifold
 
-from part2gs_robotics.mesh.make_room import all_apart
+from part2gs_robotics.mesh.make_room import all_apart, without
 from part2gs_robotics.model.joint import Joint
 
 VOXEL = 0.01
@@ -91,3 +92,14 @@ def test_a_door_clears_a_drawer_however_far_that_is_out(door_first: bool) -> Non
             met += (drawer.transform(poses[0]) ^ door.transform(poses[1])).volume()
             assert (left[0].transform(poses[0]) ^ left[1].transform(poses[1])).volume() < 1e-12
     assert met > 0, "uncut they meet"
+
+
+def test_a_groove_of_many_tools_is_as_plain_as_one_of_one() -> None:
+    """Faces of a solid cut by several tools lie in one plane: no seam is left where tools meet."""
+    solid = box((0, 0, 0), (1, 1, 1)) + box((1 - 1e-6, 0, 0), (2, 1, 1))
+    ends = np.linspace(0.1, 1.9, 10)
+    tools = [box((a, 0.4, 0.5), (b + 1e-4, 0.6, 1.5)) for a, b in pairwise(ends)]
+    many = without(solid, tools, 0, VOXEL)
+    one = without(solid, [box((ends[0], 0.4, 0.5), (ends[-1] + 1e-4, 0.6, 1.5))], 0, VOXEL)
+    assert many.num_tri() == one.num_tri() == 28  # 10 of the box, 8 of the rim, 10 of the pocket
+    assert many.volume() == pytest.approx(one.volume(), rel=1e-9)
