@@ -15,6 +15,8 @@ class ReadConfig:
 
     max_side: int = 512
     """longest image side in pixels; larger images are downscaled in memory"""
+    crop: bool = True
+    """cut images larger than that round the object first, so that its pixels are kept"""
     allow_missing: bool = False
     """go on when images have no camera, or cameras have no image"""
     invert_masks: bool = False

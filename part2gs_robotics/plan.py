@@ -97,12 +97,13 @@ def make_plan(scene: Scene, config: Config) -> Plan:
 def _reading(scene: Scene) -> tuple[PlanItem, ...]:
     notes = " ".join(scene.notes)
     undistorted = "distortion removed" in notes
-    downscaled = "downscaled" in notes
+    downscaled, cropped = "downscaled" in notes, "cropped" in notes
     return (
         PlanItem("undistortion", undistorted, "cameras have lens distortion" if undistorted
                  else "every camera is a pinhole"),
         PlanItem("downscaling", downscaled, "images are larger than --max-side" if downscaled
-                 else "images are within --max-side"),
+                 else "images are within --max-side"
+                 + (" once cut round the object" if cropped else "")),
     )
 
 

@@ -49,7 +49,7 @@ def inspect_scene(path: Path, config: ReadConfig | None = None) -> Inspection:
     Raises:
         SceneError: as `read_scene`.
     """
-    scene = read_scene(path, replace(config or ReadConfig(), max_side=SIDE))
+    scene = read_scene(path, replace(config or ReadConfig(), max_side=SIDE, crop=False))
     found = [f"layout {scene.layout}"]
     advice: list[str] = []
     for number, state in enumerate(scene.states):

@@ -236,7 +236,11 @@ class Undistorter:
 
     def color(self, rgb: U8, alpha: U8) -> tuple[U8, U8]:
         """Return undistorted straight colour and alpha."""
-        return (self._remap(rgb, cv2.INTER_LINEAR), self._remap(alpha, cv2.INTER_LINEAR))
+        return self._remap(rgb, cv2.INTER_LINEAR), self.alone(alpha)
+
+    def alone(self, alpha: U8) -> U8:
+        """Return undistorted alpha."""
+        return self._remap(alpha, cv2.INTER_LINEAR)
 
     def depth(self, depth: NDArray[np.uint16]) -> NDArray[np.uint16]:
         """Return undistorted depth, nearest sample: depths must not be mixed across edges."""

@@ -89,12 +89,52 @@ def test_every_eighth_view_is_held_out(ball_scene: Path) -> None:
 
 def test_downscaling_scales_cameras_and_averages_pixels(scene: Path) -> None:
     full = read_scene(scene, ReadConfig()).states[0]
-    half_scene = read_scene(scene, ReadConfig(max_side=32))
+    half_scene = read_scene(scene, ReadConfig(max_side=32, crop=False))
     half = half_scene.states[0]
     assert (half.width, half.height) == (32, 32)
     assert np.allclose(half.Ks[:, :2], full.Ks[:, :2] * 32 / 48)
     assert abs(half.alphas.mean() - full.alphas.mean()) < 1.0  # rounding of one count
     assert any("--max-side 32" in note for note in half_scene.notes)
+
+
+def middles(state) -> np.ndarray:
+    """Return [V, 3] the ray through the middle of every mask."""
+    rows, columns = np.indices(state.alphas.shape[1:]) + 0.5
+    weight = state.alphas / state.alphas.sum((1, 2), keepdims=True)
+    pixels = np.stack([(weight * columns).sum((1, 2)), (weight * rows).sum((1, 2)),
+                       np.ones(len(weight))], 1)
+    return np.einsum("vij,vj->vi", np.linalg.inv(state.Ks), pixels)
+
+
+@pytest.mark.parametrize("side", [40, 24])
+def test_large_images_are_cut_round_the_object_and_cameras_follow(ball_scene: Path, side) -> None:
+    """What is cut is ground alone, and every mask stays where its camera sees it."""
+    whole = read_scene(ball_scene, ReadConfig())
+    cut = read_scene(ball_scene, ReadConfig(max_side=side))
+    plain = read_scene(ball_scene, ReadConfig(max_side=side, crop=False))
+    for full, near, far in zip(whole.states, cut.states, plain.states, strict=True):
+        assert max(near.width, near.height) <= side
+        assert np.allclose(middles(near), middles(full), atol=0.2 / full.Ks[0, 0, 0])
+        shown = [state.alphas.sum() / state.Ks[:, 0, 0].mean() ** 2 for state in (full, near)]
+        assert shown[1] == pytest.approx(shown[0], rel=0.01), "nothing of the object is lost"
+        assert near.Ks[:, 0, 0].min() > 1.05 * far.Ks[:, 0, 0].max(), "its pixels are finer"
+        ring = [near.alphas[:, 0], near.alphas[:, -1], near.alphas[:, :, 0], near.alphas[:, :, -1]]
+        assert max(edge.max() for edge in ring) == 0, "ground all round"
+    assert len({state.Ks[0, 0, 0] for state in cut.states}) == 1, "both states at one scale"
+    assert sum("cropped round the object" in note for note in cut.notes) == 2
+    assert not any("cropped" in note for note in (*whole.notes, *plain.notes))
+
+
+def test_photos_that_are_filled_are_not_cut(scene: Path) -> None:
+    names = json.loads((scene / "transforms_train_start.json").read_text())["frames"]
+    file = scene / f"{names[0]['file_path']}"
+    file = file if file.suffix else file.with_suffix(".png")
+    pixels = cv2.imread(str(file), cv2.IMREAD_UNCHANGED)
+    pixels[..., 3] = 255
+    cv2.imwrite(str(file), pixels)
+    state = read_scene(scene, ReadConfig(max_side=40)).states[0]
+    assert (state.width, state.height) == (40, 40)
+    assert state.Ks[0, 0, 2] == pytest.approx(20)
 
 
 def test_colour_under_alpha_zero_never_bleeds_into_the_object() -> None:
