@@ -140,7 +140,7 @@ def fits(scene: Scene, store: Store, seed: int) -> tuple[Gaussians, Gaussians]:
 
         def compute(state: Any = state, index: int = index) -> Fitted:
             done = fit_state(state, None, config, name=f"state {index}")
-            return done.gaussians, tuple((t, db) for t, db, _ in done.curve)
+            return done.gaussians, tuple((t, db) for t, db, _ in done.curve), done.gains
 
         # Code is no part of the key: one ablation is one set of fits, whatever is edited meanwhile.
         key = hash_of("ablation", asdict(config), state.images.shape)

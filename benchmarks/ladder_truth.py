@@ -17,6 +17,7 @@ from scipy.spatial import cKDTree
 from part2gs_robotics.config import resolve
 from part2gs_robotics.decide.candidate import Candidate, on_base
 from part2gs_robotics.evidence.canonical import Canonical, canonical
+from part2gs_robotics.fit.brightness import alike
 from part2gs_robotics.model import se3
 from part2gs_robotics.model.joint import Joint
 from part2gs_robotics.model.scene_frame import SceneFrame, frame_of, internal
@@ -116,8 +117,9 @@ def known(name: str, out: Path, scene: Path) -> Known:
     config = resolve({})
     read = read_scene(scene, config.read)
     frame = frame_of(read)
-    fits = tuple(load_fit(_stage(out, f"0{s + 1}_fit_{s}"))[0] for s in (0, 1))
-    both = canonical(internal(read, frame), (fits[0], fits[1]), config.search)
+    zero, one = (load_fit(_stage(out, f"0{s + 1}_fit_{s}")) for s in (0, 1))
+    seen = alike(internal(read, frame), (zero[2], one[2]))
+    both = canonical(seen, (zero[0], one[0]), config.search)
     folder = Path(f"{scene}.gt")
     with np.load(folder / "visible.npz") as points:
         return Known(name, out, both, frame, json.loads((folder / "gt.json").read_text()),

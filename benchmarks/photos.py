@@ -38,7 +38,7 @@ RESULTS, PAGE = ROOT / "benchmarks/results/photos.json", ROOT / "docs/photos.md"
 MARKS = "<!-- photos:begin -->", "<!-- photos:end -->"
 OBJECTS = ("libero_microwave", "sektion_cabinet", "pm_101619_safe", "pm_10211_laptop",
            "pm_102209_trashcan", "libero_wooden_cabinet", "pm_31249_table", "pm_103275_stapler")
-COUNT, SIZE, SAMPLES, FOV_DEG = 32, (800, 600), 16, 60.0
+COUNT, SIZE, SAMPLES, FOV_DEG = 32, (800, 600), 8, 60.0  # 16 paths: 15 % less noise left
 QUALITY, STEPS = 90, (-0.33, 0.0, 0.0, 0.33)  # JPEG; exposure of a photo, stops
 
 

@@ -107,23 +107,24 @@ class _Corridor:
 
     def __init__(self, scene: Scene, config: Config, store: Store, read_seconds: float,
                  training: Training | None = None) -> None:
-        self.training = training
         self.metres, self.frame = scene.meters_per_unit, frame_of(scene)
         self.scene, self.config, self.store = internal(scene, self.frame), config, store
+        self.training, self.code = training, code_version()
         self.seconds: dict[str, float] = {}
-        self.code = code_version()
         self.good = ""  # the last finished stage
         self.both: Canonical | None = None  # no need of it where later stages are taken over
-        views = sum(len(state) for state in scene.states)
-        self._done("read", read_seconds, f"{views} images")
+        self._done("read", read_seconds, f"{sum(map(len, scene.states))} images")
         logger.info("internal unit %g scene units, internal origin at %g %g %g", self.frame.unit,
                     *self.frame.centre)
 
     def run(self) -> int:
         """Return the exit code of the build."""
+        from part2gs_robotics.fit.brightness import alike
+
         plan = make_plan(self.scene, self.config)
         logger.info("plan:\n%s", "\n".join(plan.lines()))
         fits, keys = zip(*(self._fit(index) for index in (0, 1)), strict=True)
+        self.scene = alike(self.scene, (fits[0][2], fits[1][2]))
         gaussians = (fits[0][0], fits[1][0])
         motion, key = self._articulate(gaussians, keys)
         motion, parts, key = self._mesh(gaussians, motion, key)
@@ -179,7 +180,7 @@ class _Corridor:
             progress = Progress(f"fit state {index}", "dB")
             told = self.training.beside(progress, f"state {index}") if self.training else progress
             result = fit_state(state, None, fit, told, f"state {index}", stereo)
-            return result.gaussians, tuple((t, db) for t, db, _ in result.curve)
+            return result.gaussians, tuple((t, db) for t, db, _ in result.curve), result.gains
 
         fitted = self._stage(f"0{index + 1}_fit_{index}", key, compute, save_fit, load_fit,
                              lambda f: f"{f[1][-1][1]:.1f} dB, {len(f[0])} Gaussians")

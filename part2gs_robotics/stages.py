@@ -8,6 +8,7 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
+from part2gs_robotics.model.arrays import F64
 from part2gs_robotics.model.gaussians import Gaussians
 from part2gs_robotics.model.joint import Joint
 from part2gs_robotics.model.motion import LeftOver, Motion
@@ -16,7 +17,7 @@ from part2gs_robotics.model.twin import Part, PartMesh, Texture
 from part2gs_robotics.runtime.store import Arrays, Saved
 
 Curve = tuple[tuple[float, float], ...]
-Fitted = tuple[Gaussians, Curve]
+Fitted = tuple[Gaussians, Curve, F64 | None]
 
 
 def parts_of_key(state: StateViews) -> tuple[object, ...]:
@@ -26,17 +27,20 @@ def parts_of_key(state: StateViews) -> tuple[object, ...]:
 
 
 def save_fit(result: Fitted) -> Saved:
-    """Return the Gaussians and the (seconds, held-out dB) curve of one state."""
-    gaussians, curve = result
-    return Saved({item.name: getattr(gaussians, item.name) for item in fields(Gaussians)},
+    """Return Gaussians, (seconds, held-out dB) curve and the photos' gains of one state."""
+    gaussians, curve, gains = result
+    arrays: Arrays = {item.name: getattr(gaussians, item.name) for item in fields(Gaussians)}
+    return Saved(arrays | ({} if gains is None else {"gains": gains}),
                  {"curve": [list(point) for point in curve]})
 
 
 def load_fit(saved: Saved) -> Fitted:
     """Undo `save_fit`."""
     points = cast("list[list[float]]", saved.data["curve"])
-    arrays = cast("dict[str, NDArray[np.float32]]", saved.arrays)
-    return Gaussians(**arrays), tuple((float(t), float(db)) for t, db in points)
+    arrays = {item.name: saved.arrays[item.name] for item in fields(Gaussians)}
+    gaussians = Gaussians(**cast("dict[str, NDArray[np.float32]]", arrays))
+    curve = tuple((float(t), float(db)) for t, db in points)
+    return gaussians, curve, cast("F64 | None", saved.arrays.get("gains"))
 
 
 def save_motion(motion: Motion) -> Saved:

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from part2gs_robotics.config import FitConfig, StereoConfig
+from part2gs_robotics.fit.brightness import WHEN, evened, gains_of
 from part2gs_robotics.fit.density import Density
 from part2gs_robotics.fit.depth_smooth import smooth_term
 from part2gs_robotics.fit.hull import Hull, carve
@@ -26,6 +27,7 @@ from part2gs_robotics.fit.step import (
 from part2gs_robotics.fit.tones import Tones, tones_of
 from part2gs_robotics.fit.training_photos import Views
 from part2gs_robotics.fit.view_color import held_out_psnr, with_view_dependence
+from part2gs_robotics.model.arrays import F64
 from part2gs_robotics.model.gaussians import Gaussians
 from part2gs_robotics.model.scene import Camera, StateViews
 from part2gs_robotics.render.dispatch import Rendered, render_backward
@@ -46,11 +48,13 @@ class FitResult:
         gaussians: the fit, in the world frame.
         hull: the visual hull it started from, None when it started from given Gaussians.
         curve: (seconds since the start, PSNR of the held-out views in dB, Gaussians) over time.
+        gains: [V, 3] how much more light each photo got than the middle one, None = all alike.
     """
 
     gaussians: Gaussians
     hull: Hull | None
     curve: list[tuple[float, float, int]]
+    gains: F64 | None = None
 
 
 def fit_state(state: StateViews, init: Hull | Gaussians | None = None,
@@ -81,19 +85,22 @@ def fit_state(state: StateViews, init: Hull | Gaussians | None = None,
     run = FitRun(state, tones, first, hull, config, name)
     curve = [(time.perf_counter() - start, run.held_out_psnr(), len(first))]
     marks = {round(config.steps * k / 8) for k in range(1, 9)}  # eight points make a curve
+    looks = {round(config.steps * share) for share in WHEN if config.even_photos}
     for step in range(1, config.steps + 1):
         run.step(step)
+        if step in looks and not run.make_alike():
+            looks.clear()
         if step in marks:
             curve.append((time.perf_counter() - start, run.held_out_psnr(), run.count))
         if progress is not None:
             progress(step, config.steps, curve[-1][1], run.gaussians)
-    found = run.gaussians()
+    found, state = run.gaussians(), run.state
     if config.view_color:
         found = with_view_dependence(found, state, run.natural, config.alpha_weight, config.seed)
     if found.shN.shape[1]:
         curve.append((time.perf_counter() - start, held_out_psnr(found, state, run.natural),
                       len(found)))
-    return FitResult(found, hull, curve)
+    return FitResult(found, hull, curve, run.gains)
 
 
 # Per step, means in diagonals; colours 2 to 8 x 3DGS; 26 % less error than quats 5e-3, scales 2e-2.
@@ -112,6 +119,8 @@ class FitRun:
                  config: FitConfig, name: str) -> None:
         self.state, self.tones, self.config, self.name = state, tones, config, name
         self.natural, self.views = Views(state), Views(tones.even(state))
+        self.taken = state, self.natural
+        self.gains: F64 | None = None
         self.even = True
         self.rng = np.random.default_rng(config.seed)
         self.params = params_of(first)
@@ -132,6 +141,14 @@ class FitRun:
         """Return the fit so far, in natural tones."""
         found = gaussians_of(self.params)
         return self.tones.back(found) if self.even else found
+
+    def make_alike(self) -> bool:
+        """Make the photos alike in brightness; return whether they were not."""
+        found = gains_of(self.gaussians(), *self.taken)
+        if found is not None:
+            self.gains, self.state = found, evened(self.taken[0], found)
+            self.natural, self.views = Views(self.state), Views(self.tones.even(self.state))
+        return found is not None
 
     def step(self, step: int) -> None:
         """Render one training view, go back through it, update, sometimes prune and split."""

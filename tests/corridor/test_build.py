@@ -18,6 +18,7 @@ from synth_photos import write_ball_scene
 
 from part2gs_robotics.config import Config, ReadConfig, resolve
 from part2gs_robotics.errors import StoreError
+from part2gs_robotics.model.arrays import F64
 from part2gs_robotics.model.gaussians import Gaussians
 from part2gs_robotics.model.joint import Joint
 from part2gs_robotics.model.motion import Motion
@@ -77,8 +78,9 @@ def some_gaussians(higher: int) -> Gaussians:
     return Gaussians(**{k: rng.normal(size=v).astype(np.float32) for k, v in shapes.items()})
 
 
-def test_fit_survives_the_store(tmp_path: Path) -> None:
-    fitted = (some_gaussians(3), ((0.5, 20.25), (3.0, 31.5)))
+@pytest.mark.parametrize("gains", [None, np.full((4, 3), 1.25)])
+def test_fit_survives_the_store(tmp_path: Path, gains: F64 | None) -> None:
+    fitted = (some_gaussians(3), ((0.5, 20.25), (3.0, 31.5)), gains)
     assert equal(load_fit(through_disk(save_fit(fitted), tmp_path)), fitted)
 
 

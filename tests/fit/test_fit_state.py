@@ -9,6 +9,7 @@ import pytest
 from numpy.typing import NDArray
 
 from part2gs_robotics.errors import FitError
+from part2gs_robotics.fit.brightness import evened
 from part2gs_robotics.fit.density import Density
 from part2gs_robotics.fit.fit_state import FitConfig, fit_state
 from part2gs_robotics.fit.start import quats_from_normals
@@ -48,7 +49,11 @@ def camera(eye: NDArray[np.float64]) -> NDArray[np.float64]:
 
 @pytest.fixture(scope="module")
 def tiny() -> StateViews:
-    views, size = 16, 40
+    return photos_of_ball(40)
+
+
+def photos_of_ball(size: int) -> StateViews:
+    views = 16
     g = ball_of_gaussians()
     intrinsics = np.array([[1.3 * size, 0, size / 2], [0, 1.3 * size, size / 2], [0, 0, 1.0]])
     images, alphas, mats, depths = [], [], [], []
@@ -221,3 +226,18 @@ def test_parameters_survive_the_round_trip() -> None:
     back = gaussians_of(params_of(g))
     np.testing.assert_allclose(back.quats, g.quats, atol=1e-6)
     np.testing.assert_array_equal(back.means, g.means)
+
+
+def test_exposure_of_every_photo_its_own_costs_a_fit_little() -> None:
+    state = without_depth(photos_of_ball(80))
+    stops = np.random.default_rng(3).choice([-0.5, 0.0, 0.5], (len(state), 1))
+    taken = evened(state, 2.0**stops * np.ones(3))
+    longer = replace(TINY, steps=160, half_steps=50)
+    plain, made, blind = (fit_state(one, config=replace(longer, even_photos=even)) for one, even in
+                          ((state, True), (taken, True), (taken, False)))
+    assert plain.gains is None
+    assert made.gains is not None
+    off = -np.log2(made.gains.mean(1)) - (stops - np.median(stops))[:, 0]
+    assert np.sqrt(np.mean(off**2)) < 0.15  # of half a stop
+    scores = [run.curve[-1][1] for run in (plain, made, blind)]
+    assert scores[1] > scores[2] + 5.0  # 7.9 dB; the exposures cost 9.7 dB otherwise
