@@ -75,8 +75,6 @@ class FitConfig:
     """where to render; auto: on CUDA where a GPU and gsplat are ready, else on the CPU"""
     view_color: bool = True
     """try colours that depend on the view; kept only if held-out views gain by them"""
-    even_photos: bool = True
-    """make photos of one state alike where a camera chose exposure or white balance anew"""
     seed: int = 0
     """seed of every random choice; CPU builds repeat bit for bit"""
 

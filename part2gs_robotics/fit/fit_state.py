@@ -85,7 +85,7 @@ def fit_state(state: StateViews, init: Hull | Gaussians | None = None,
     run = FitRun(state, tones, first, hull, config, name)
     curve = [(time.perf_counter() - start, run.held_out_psnr(), len(first))]
     marks = {round(config.steps * k / 8) for k in range(1, 9)}  # eight points make a curve
-    looks = {round(config.steps * share) for share in WHEN if config.even_photos}
+    looks = {round(config.steps * share) for share in WHEN}
     for step in range(1, config.steps + 1):
         run.step(step)
         if step in looks and not run.make_alike():

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from part2gs_robotics.model.arrays import F64
 from part2gs_robotics.photos.posed import Posed, focus
 from part2gs_robotics.photos.rough_shape import main_piece, rough_shapes
-from part2gs_robotics.photos.table_picture import OBJECT, TABLE, table_picture
+from part2gs_robotics.photos.table_picture import OBJECT, TABLE, seen_on_plane, table_picture
 from part2gs_robotics.photos.views import Bools, Grid, Views, small_views
 from part2gs_robotics.runtime.threads import in_threads
 
@@ -135,7 +135,8 @@ def _rough(views: Sequence[Views], middle: F64, radius: float) -> tuple[list[Gri
         nothing = np.zeros((len(state), *state.size), np.uint8)
         picture = table_picture(state, nothing, 0.8 * radius, np.zeros((0, 3)))
         tables.append([picture.evidence(v) for v in range(len(state))])
-    return grids, rough_shapes(views, grids, tables, middle, radius)
+    swept = [seen_on_plane(state, middle) for state in views]
+    return grids, rough_shapes(views, grids, tables, swept, middle, radius)
 
 
 def _last(photos: Sequence[U8], state: _State, hulls: U8) -> list[U8]:

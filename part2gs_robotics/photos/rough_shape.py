@@ -29,13 +29,14 @@ REACH = 0.3  # of the cameras' distance: what hangs together here is the object
 
 
 def rough_shapes(views: Sequence[Views], grids: Sequence[Grid], tables: Sequence[Sequence[U8]],
-                 middle: F64, radius: float) -> list[Bools]:
+                 swept: Sequence[Sequence[U8]], middle: F64, radius: float) -> list[Bools]:
     """Return [N] filled cells per state.
 
     Args:
         views: of each state.
         grids: of each state, over the space that all cameras see.
         tables: per state and view, what the plane says of its pixels.
+        swept: per state and view, 1 where neighbouring photos tell the plane.
         middle: [3] what the cameras look at.
         radius: their distance from it.
 
@@ -52,8 +53,8 @@ def rough_shapes(views: Sequence[Views], grids: Sequence[Grid], tables: Sequence
         own = [grid.outlines(cells) for grid, cells in zip(grids, filled, strict=True)]
         odds = _odds(bins, own, outside)
         for s, grid in enumerate(grids):
-            against = [_against(odds[b], table)
-                       for b, table in zip(bins[s], tables[s], strict=True)]
+            against = [_against(odds[b], table) | plane
+                       for b, table, plane in zip(bins[s], tables[s], swept[s], strict=True)]
             filled[s] = main_piece(spaces[s] & (grid.votes(against) < FORGIVEN), grid, near)
             if not filled[s].any():
                 raise SceneError(f"masks: state {s} shows no object that differs from its "

@@ -3,19 +3,23 @@
 A plane looks alike in every view once it is drawn from above: each photo says of every cell of the
 plane what it sees there, and the median is the plane where the object hides it in less than half
 of them. A photo that shows something else in a cell has something in front of it. Shadows lie on
-the plane: they belong to it.
+the plane: they belong to it. Where its pattern shows, neighbouring photos tell the plane by
+themselves, whatever is known of the object (`seen_on_plane`).
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from part2gs_robotics.model.arrays import F32, F64
+from part2gs_robotics.photos.posed import eyes
 from part2gs_robotics.photos.views import Views
+from part2gs_robotics.runtime.threads import in_threads
 
 U8 = NDArray[np.uint8]
 
@@ -27,6 +31,12 @@ NOISE = (6.0, 2.5, 2.5)  # L, a, b counts of 8 bit: noise, JPEG, shine and a cel
 SAME, OTHER = 2.0, 4.0  # sigma: noise exceeds the first in 1 of 20 cells, the second never
 LOW = 0.12  # of half the side: sides of an object below it are seen near where it stands
 UNKNOWN, TABLE, OBJECT = 0, 1, 2  # what `evidence` says of a pixel
+HEIGHTS = -0.02, 0.0, 0.02, 0.04, 0.07, 0.1  # of the cameras' distance: 2 % moves a pattern by 2 px
+BESIDE_DEG = 8.0, 50.0  # between views: nearer ones see all heights alike, farther ones other sides
+NEIGHBOURS, AGREEING = 6, 3  # one in two of the nearest may be hidden behind the object
+WINDOW = 11  # px of a small photo: a pattern that repeats within it is none
+ALIKE = 0.7  # correlation of windows: chance reaches 0.5 among so many
+PATTERN = 4.0  # variance of grey levels: noise and JPEG have 1 to 3
 
 
 @dataclass(frozen=True)
@@ -93,6 +103,62 @@ def table_picture(views: Views, hidden: U8, half: float, standing: F64,
     picture = TablePicture(np.nan_to_num(color), np.nan_to_num(spread), known.astype(np.uint8),
                            every, moves, labs)
     return _lit(picture, set(map(int, chosen)), hidden)
+
+
+def seen_on_plane(views: Views, middle: F64) -> list[U8]:
+    """Return per view [H, W] 1 where a sweep of planes over neighbouring photos stops at z = 0.
+
+    A window that looks as the neighbours do at the plane, and less so a little above and below,
+    lies on it.
+
+    Args:
+        views: of one state, in a frame whose z = 0 is the plane.
+        middle: [3] what the cameras look at.
+    """
+    greys = np.stack([cv2.cvtColor(rgb, cv2.COLOR_RGB2GRAY)
+                      for rgb in views.rgb]).astype(np.float32)
+    away = eyes(views.viewmats) - middle
+    radius = float(np.median(np.linalg.norm(away, axis=1)))
+    away /= np.linalg.norm(away, axis=1)[:, None]
+    apart = np.rad2deg(np.arccos(np.clip(away @ away.T, -1, 1)))
+    apart[(apart < BESIDE_DEG[0]) | (apart > BESIDE_DEG[1])] = np.inf
+    lenses = np.stack([[_plane_at(views, v, radius * height) for height in HEIGHTS]
+                       for v in range(len(views))])
+
+    def told(view: int) -> U8:
+        beside = [int(u) for u in np.argsort(apart[view])[:NEIGHBOURS]
+                  if np.isfinite(apart[view, u])]
+        if len(beside) < AGREEING:
+            return np.zeros(views.size, np.uint8)
+        match = np.stack([
+            np.sort([_correlation(greys[view], greys[u], lenses[u, k] @ np.linalg.inv(here))
+                     for u in beside], axis=0)[-AGREEING]
+            for k, here in enumerate(lenses[view])])
+        plane = (match.argmax(0) == HEIGHTS.index(0.0)) & (match.max(0) > ALIKE)
+        # a window that holds an edge of the object may follow the plane beside it
+        return np.asarray(cv2.erode(plane.astype(np.uint8), np.ones((WINDOW, WINDOW), np.uint8)))
+
+    return in_threads([partial(told, v) for v in range(len(views))])
+
+
+def _plane_at(views: Views, view: int, height: float) -> F64:
+    """Return [3, 3] from x, y of the plane z = height to pixels of a view."""
+    lens = views.K @ views.viewmats[view][:3]
+    return np.asarray(np.stack([lens[:, 0], lens[:, 1], lens[:, 3] + height * lens[:, 2]], 1))
+
+
+def _correlation(one: F32, two: F32, move: F64) -> F32:
+    """Return [H, W] how alike windows of one and of two under a homography are, -1 = unknown."""
+    size = one.shape[1], one.shape[0]
+    moved = cv2.warpPerspective(two, _between_centres(move), size, borderValue=(-1000.0,),
+                                flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP)
+    mean_one, mean_two = (cv2.blur(image, (WINDOW, WINDOW)) for image in (one, moved))
+    own, other, both = (cv2.blur(image, (WINDOW, WINDOW))
+                        for image in (one * one, moved * moved, one * moved))
+    spread = own - mean_one**2, other - mean_two**2
+    alike = ((both - mean_one * mean_two)
+             / np.sqrt(np.maximum(spread[0], 1.0) * np.maximum(spread[1], 1.0)))
+    return np.where((mean_two < 0) | (spread[0] < PATTERN), -1.0, alike).astype(np.float32)
 
 
 def _median(samples: F32) -> F32:
