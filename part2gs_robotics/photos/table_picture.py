@@ -35,7 +35,7 @@ HEIGHTS = -0.02, 0.0, 0.02, 0.04, 0.07, 0.1  # of the cameras' distance: 2 % mov
 BESIDE_DEG = 8.0, 50.0  # between views: nearer ones see all heights alike, farther ones other sides
 NEIGHBOURS, AGREEING = 6, 3  # one in two of the nearest may be hidden behind the object
 WINDOW = 11  # px of a small photo: a pattern that repeats within it is none
-ALIKE = 0.7  # correlation of windows: chance reaches 0.5 among so many
+ALIKE = 0.7  # correlation: chance reaches 0.5 among so many pixels
 PATTERN = 4.0  # variance of grey levels: noise and JPEG have 1 to 3
 
 
