@@ -15,6 +15,7 @@ from part2gs_robotics.exporters.meshfile import CREASE, png_of
 from part2gs_robotics.exporters.mjcf import joint_name
 from part2gs_robotics.model import se3
 from part2gs_robotics.model.arrays import F64
+from part2gs_robotics.model.gaussians import linear_of_srgb
 from part2gs_robotics.model.kinematics import children, moves
 from part2gs_robotics.model.twin import Part, Twin, corner_normals
 from part2gs_robotics.runtime.atomic import write_bytes_atomic
@@ -94,7 +95,7 @@ class _Writer:
         normals = corner_normals(mesh.vertices, mesh.faces, CREASE)
         columns = [(mesh.vertices - link_origin(part))[mesh.faces], normals.round(6)]
         if mesh.texture is None:
-            columns.append(_linear(mesh.colors)[mesh.faces])
+            columns.append(linear_of_srgb(mesh.colors / 255.0)[mesh.faces])
         else:  # from the upper left corner
             columns.append(mesh.texture.uv.astype(np.float64) * (1.0, -1.0) + (0.0, 1.0))
         rows = np.concatenate(columns, -1).astype("<f4").reshape(-1, columns[-1].shape[-1] + 6)
@@ -158,12 +159,6 @@ class _Writer:
         self.views.append(view | ({} if target is None else {"target": target}))
         self.chunk += data + b"\0" * (-len(data) % 4)
         return len(self.views) - 1
-
-
-def _linear(colors: NDArray[np.uint8]) -> F64:
-    """Return linear 0..1 of sRGB colours, by the rule of its standard."""
-    c = colors.astype(np.float64) / 255.0
-    return np.asarray(np.where(c <= 0.04045, c / 12.92, ((c + 0.055) / 1.055) ** 2.4), np.float64)
 
 
 def _joint_extras(part: Part) -> Node:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from part2gs_robotics.fit.training_photos import Views
 from part2gs_robotics.model.arrays import F64
-from part2gs_robotics.model.gaussians import Gaussians
+from part2gs_robotics.model.gaussians import Gaussians, linear_of_srgb, srgb_of_linear
 from part2gs_robotics.model.scene import Camera, Scene, StateViews
 from part2gs_robotics.render.dispatch import render
 from part2gs_robotics.runtime.buffers import Workspace
@@ -26,19 +26,6 @@ SOLID = 0.95  # alpha from which a pixel shows the object alone
 TONES = 0.08, 0.92  # darker ones are noise, brighter ones clipped
 FEWEST = 100  # such pixels: texture differs by a fifth, so the median of fewer wanders by LEAST
 LEAST = 0.03  # log of a gain: less than a turned surface changes by its shading
-
-
-def linear(grey: NDArray[np.floating]) -> F64:
-    """Return light from sRGB, both 0..1 (IEC 61966-2-1)."""
-    grey = np.asarray(grey, np.float64)
-    return np.where(grey <= 0.04045, grey / 12.92, ((grey + 0.055) / 1.055) ** 2.4)
-
-
-def shown(light: NDArray[np.floating]) -> F64:
-    """Undo `linear`."""
-    light = np.asarray(light, np.float64)
-    return np.where(light <= 0.0031308, 12.92 * light,
-                    1.055 * np.maximum(light, 1e-12) ** (1 / 2.4) - 0.055)
 
 
 def gains_of(gaussians: Gaussians, state: StateViews, photos: Views) -> F64 | None:
@@ -63,7 +50,8 @@ def gains_of(gaussians: Gaussians, state: StateViews, photos: Views) -> F64 | No
         photo, drawn = images[v][both] / 255.0, seen.color[both] / seen.alpha[both][:, None]
         plain = _plain(photo) & _plain(drawn)
         if plain.sum() >= FEWEST:
-            logs[v] = np.median(np.log(linear(photo[plain]) / linear(drawn[plain])), axis=0)
+            ratio = linear_of_srgb(photo[plain]) / linear_of_srgb(drawn[plain])
+            logs[v] = np.median(np.log(ratio), axis=0)
     told = np.isfinite(logs[:, 0])
     if not told.any():
         return None
@@ -85,10 +73,10 @@ def evened(state: StateViews, gains: F64 | None) -> StateViews:
     """
     if gains is None:
         return state
-    light, images = linear(np.arange(256) / 255.0), np.empty_like(state.images)
+    light, images = linear_of_srgb(np.arange(256) / 255.0), np.empty_like(state.images)
     for v, gain in enumerate(gains):
         for c in range(3):
-            levels = np.rint(255 * np.clip(shown(light / gain[c]), 0, 1)).astype(np.uint8)
+            levels = np.rint(255 * np.clip(srgb_of_linear(light / gain[c]), 0, 1)).astype(np.uint8)
             images[v, ..., c] = levels[state.images[v, ..., c]]
     return replace(state, images=images)
 

@@ -7,12 +7,27 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from part2gs_robotics.model.arrays import F64
+
 SH_C0 = 0.28209479177387814  # 1 / (2 sqrt(pi)): the constant spherical harmonic
 
 
 def opacities_of(logits: NDArray[np.float32]) -> NDArray[np.float32]:
     """Return [N] 1 / (1 + e^-x); logits below -80 count as -80, where e^80 still fits float32."""
     return np.asarray(1 / (1 + np.exp(-np.maximum(logits, logits.dtype.type(-80)))), logits.dtype)
+
+
+def linear_of_srgb(colors: NDArray[np.floating]) -> F64:
+    """Return light in 0..1 from sRGB in 0..1 (IEC 61966-2-1)."""
+    c = np.asarray(colors, np.float64)
+    return np.asarray(np.where(c <= 0.04045, c / 12.92, ((c + 0.055) / 1.055) ** 2.4))
+
+
+def srgb_of_linear(light: NDArray[np.floating]) -> F64:
+    """Undo `linear_of_srgb`; negative light stays as it is on the straight branch."""
+    c = np.asarray(light, np.float64)
+    curved = 1.055 * np.maximum(c, 0.0) ** (1 / 2.4) - 0.055
+    return np.asarray(np.where(c <= 0.0031308, 12.92 * c, curved))
 
 
 @dataclass(frozen=True)

@@ -8,16 +8,9 @@ import numpy as np
 import pytest
 from toys import scene_of
 
-from part2gs_robotics.fit.brightness import (
-    FEWEST,
-    LEAST,
-    alike,
-    evened,
-    gains_of,
-    linear,
-    shown,
-)
+from part2gs_robotics.fit.brightness import FEWEST, LEAST, alike, evened, gains_of
 from part2gs_robotics.fit.training_photos import Views
+from part2gs_robotics.model.gaussians import linear_of_srgb, srgb_of_linear
 
 SIDE, COUNT = 144, 12
 
@@ -32,8 +25,8 @@ def box(toy):
 
 def test_light_and_grey_levels_are_inverse():
     grey = np.linspace(0, 1, 256)
-    np.testing.assert_allclose(shown(linear(grey)), grey, atol=1e-4)
-    assert linear(np.array([0.5])) == pytest.approx(0.214041, abs=1e-6)  # IEC 61966-2-1
+    np.testing.assert_allclose(srgb_of_linear(linear_of_srgb(grey)), grey, atol=1e-4)
+    assert linear_of_srgb(np.array([0.5])) == pytest.approx(0.214041, abs=1e-6)  # IEC 61966-2-1
 
 
 def test_exposure_and_white_balance_are_found_and_undone(box):
