@@ -25,7 +25,7 @@ WHEN = 0.25, 0.4, 0.55  # of a fit's steps: shapes are rough but right, then eac
 SOLID = 0.95  # alpha from which a pixel shows the object alone
 TONES = 0.08, 0.92  # darker ones are noise, brighter ones clipped
 FEWEST = 100  # such pixels: texture differs by a fifth, so the median of fewer wanders by LEAST
-LEAST = 0.03  # log of a gain: less than a turned surface changes by its shading
+LEAST = 0.03  # log of a gain, rms: fits to photos of one exposure differ by 0.003 to 0.016
 
 
 def gains_of(gaussians: Gaussians, state: StateViews, photos: Views) -> F64 | None:
@@ -37,7 +37,7 @@ def gains_of(gaussians: Gaussians, state: StateViews, photos: Views) -> F64 | No
         photos: of the state, as they were taken; looked at in half size.
 
     Returns:
-        Gains, or None where photos differ by no more than shading does.
+        Gains, or None where photos are about equally bright, whatever their white balance.
     """
     work, level = Workspace(), 1
     images, alphas, Ks = photos.levels[level]
@@ -56,6 +56,7 @@ def gains_of(gaussians: Gaussians, state: StateViews, photos: Views) -> F64 | No
     if not told.any():
         return None
     logs = np.where(told[:, None], logs - np.median(logs[told], axis=0), 0.0)
+    # single channels of a rough fit of vivid colours are off by 0.07, their mean by 0.03
     differ = float(np.sqrt(np.mean(logs.mean(1) ** 2)))
     return np.exp(logs) if differ > LEAST else None
 
