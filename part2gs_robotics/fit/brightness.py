@@ -24,8 +24,8 @@ logger = logging.getLogger(__name__)
 WHEN = 0.25, 0.4, 0.55  # of a fit's steps: shapes are rough but right, then each look is nearer
 SOLID = 0.95  # alpha from which a pixel shows the object alone
 TONES = 0.08, 0.92  # darker ones are noise, brighter ones clipped
-FEWEST = 100  # such pixels: texture differs by a fifth, so the median of fewer wanders by LEAST
-LEAST = 0.03  # log of a gain, rms: fits to photos of one exposure differ by 0.003 to 0.016
+FEWEST = 100  # such pixels: texture differs by a fifth, so the median of fewer wanders by 3 %
+LEAST = 0.07  # log of a gain, rms: 0.003 to 0.031 at one exposure, 0.16 at steps of a third stop
 
 
 def gains_of(gaussians: Gaussians, state: StateViews, photos: Views) -> F64 | None:

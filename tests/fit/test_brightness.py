@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from toys import scene_of
 
-from part2gs_robotics.fit.brightness import FEWEST, LEAST, alike, evened, gains_of
+from part2gs_robotics.fit.brightness import FEWEST, alike, evened, gains_of
 from part2gs_robotics.fit.training_photos import Views
 from part2gs_robotics.model.gaussians import linear_of_srgb, srgb_of_linear
 
@@ -38,7 +38,7 @@ def test_exposure_and_white_balance_are_found_and_undone(box):
     found = gains_of(gaussians, taken, Views(taken))
     assert found is not None
     relative = given / np.exp(np.median(np.log(given), 0))
-    np.testing.assert_allclose(found, relative, rtol=LEAST)
+    np.testing.assert_allclose(found, relative, rtol=0.03)  # at half size
     undone = evened(taken, found * np.exp(np.median(np.log(given), 0)))
     solid = state.alphas == 255
     off = undone.images[solid].astype(int) - state.images[solid].astype(int)
