@@ -105,7 +105,7 @@ class SearchConfig:
     """after each part found, try every other motion in place of the earlier ones"""
     proof_views: int = 12
     """photos per state that judge how many parts move"""
-    proof_side: int = 128
+    proof_side: int = 256
     """their longest side in pixels"""
     align_views: int = 32
     """photos per state that joints are aligned to"""

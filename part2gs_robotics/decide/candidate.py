@@ -13,6 +13,17 @@ from part2gs_robotics.model.joint import Joint
 STRANGE = 0.05  # the most that a slide saved which no made thing's joint makes was 0.045
 # One more part, or carrier: of 17 objects true ones saved 0.0028 up, false 0.0018, one since 0.003.
 PART = 0.0023
+# Saved per surfel of small parts: true ones 0.74 and 0.95, false ones 0.21 (benchmarks/ladder.py).
+BORDER = 0.5
+
+
+def price(share: float) -> float:
+    """Return what telling of a part costs, in units of `PART`; share: of all surfels, that it has.
+
+    Half of it tells of the joint. The rest is the part's border: as much as a half of a small
+    part's surfels saves where they were contradicted, at most another half.
+    """
+    return float(np.clip(BORDER * share / PART, 0.5, 1.0))
 
 
 @dataclass(frozen=True)
@@ -25,14 +36,15 @@ class Scores:
         seams: per surfel, bonds of neighbours that the labels cut.
         strange: of all motions together, how surely each is no made thing's, 0..1 each: a turn
             about a line in the air, a motion askew to walls and edges.
-        parts: moving parts, a carried one twice, since what carries it must be told as well.
+        parts: prices of all moving parts, see `price`; a carried one's counts twice, since what
+            carries it must be told as well.
     """
 
     surfels: float
     images: float
     seams: float = 0.0
     strange: float = 0.0
-    parts: int = 0
+    parts: float = 0.0
 
     @property
     def left(self) -> float:
@@ -55,6 +67,7 @@ class Candidate:
         judged: scores; None until it is judged, and where a motion has changed since.
         parents: part that carries each, 0 = base.
         known: of every part, its number when joints began to be settled, 0 = found since.
+        fresh: parts whose motion is newer than the labels.
     """
 
     motions: tuple[Joint, ...]
@@ -62,6 +75,7 @@ class Candidate:
     judged: Scores | None
     parents: tuple[int, ...]
     known: tuple[int, ...]
+    fresh: tuple[int, ...] = ()
 
     def __len__(self) -> int:
         """Return the number of moving parts."""
@@ -85,20 +99,24 @@ class Candidate:
     def plus(self, motion: Joint, parent: int = 0) -> Candidate:
         """Return the candidate, not judged yet, with one motion more at its end."""
         return replace(self, motions=(*self.motions, motion), judged=None,
-                       parents=(*self.parents, parent), known=(*self.known, 0))
+                       parents=(*self.parents, parent), known=(*self.known, 0),
+                       fresh=(*self.fresh, len(self) + 1))
 
     def without(self, k: int) -> Candidate:
         """Return the candidate, not judged yet, without motion k, which carries none."""
-        parents = self.parents[:k] + self.parents[k + 1:]
+        parents, hard = self.parents[:k] + self.parents[k + 1:], self.labels
         return replace(self, motions=self.motions[:k] + self.motions[k + 1:], judged=None,
+                       labels=np.where(hard == k + 1, 0, hard - (hard > k + 1)),
                        parents=tuple(p - (p > k + 1) for p in parents),
-                       known=self.known[:k] + self.known[k + 1:])
+                       known=self.known[:k] + self.known[k + 1:],
+                       fresh=tuple(n - (n > k + 1) for n in self.fresh if n != k + 1))
 
     def swapped(self, k: int, motion: Joint, parent: int | None = None) -> Candidate:
         """Return the candidate, not judged yet, with another motion, or parent too, of part k."""
         parent = self.parents[k] if parent is None else parent
         return replace(self, motions=(*self.motions[:k], motion, *self.motions[k + 1:]),
-                       judged=None, parents=(*self.parents[:k], parent, *self.parents[k + 1:]))
+                       judged=None, fresh=(*self.fresh, k + 1),
+                       parents=(*self.parents[:k], parent, *self.parents[k + 1:]))
 
     def with_motions(self, motions: Iterable[Joint]) -> Candidate:
         """Return the candidate, not judged yet, with the motions of all its parts changed.
@@ -118,11 +136,14 @@ class Candidate:
         place[np.array(order, np.int64) + 1] = np.arange(1, len(order) + 1)
         return replace(self, motions=tuple(self.motions[k] for k in order),
                        labels=place[self.labels], known=tuple(self.known[k] for k in order),
-                       parents=tuple(int(place[self.parents[k]]) for k in order))
+                       parents=tuple(int(place[self.parents[k]]) for k in order),
+                       fresh=tuple(int(place[n]) for n in self.fresh))
 
 
 def on_base(motions: Iterable[Joint], labels: Labels | None = None) -> Candidate:
     """Return a candidate, not judged yet, of parts that all hang on the base."""
     found = tuple(motions)
-    return Candidate(found, np.zeros(0, np.int64) if labels is None else labels, None,
-                     (0,) * len(found), tuple(range(1, len(found) + 1)))
+    every = tuple(range(1, len(found) + 1))
+    if labels is None:
+        return Candidate(found, np.zeros(0, np.int64), None, (0,) * len(found), every, every)
+    return Candidate(found, labels, None, (0,) * len(found), every)

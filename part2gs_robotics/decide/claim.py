@@ -37,7 +37,7 @@ ROUNDS = 2  # of proving and labelling; a third changes less than 0.1 % of the l
 
 
 def claim(study: Study, lands: Lands, found: Candidate, stays: float = 0.0,
-          sparing: bool = False) -> tuple[Labels, F64]:
+          ) -> tuple[Labels, F64]:
     """Return labels [N0 + N1] and costs [N0 + N1, K+1] with unobserved surfels claimed by reach.
 
     Args:
@@ -45,8 +45,6 @@ def claim(study: Study, lands: Lands, found: Candidate, stays: float = 0.0,
         lands: landing grids of both states, nothing claimed.
         found: motions, and labels to start from.
         stays: diagonals by which a moving part must be nearer than the base to claim a surfel.
-        sparing: ask only in the last round what passes through other parts, half of the time; it
-            mislabels up to 3 % more (mean IoU of six objects with look-alike drawers).
     """
     hard = found.labels
     moves = [np.eye(4), *(j.state1_from_0 for j in found.motions)]
@@ -61,10 +59,8 @@ def claim(study: Study, lands: Lands, found: Candidate, stays: float = 0.0,
         if turn and stays:
             slides = np.array([False, *(j.kind == "prismatic" for j in found.motions)])
             cores |= _cores(_gone(costs, extra, hard) & slides, study.graph)
-        extra = _far(cores, study.ways, study.diag, stays)
-        if turn or not sparing:
-            extra += _passing(study, costs, proofs, found)
-        hard, _ = label(Unary(unary.match, unary.target, unary.miss, extra), study.graph)
+        extra = _far(cores, study.ways, study.diag, stays) + _passing(study, costs, proofs, found)
+        hard = label(Unary(unary.match, unary.target, unary.miss, extra), study.web, hard)
     normals = np.concatenate([s.normals for s in study.surfels])
     hard = joined(hard, unary, study.graph, normals, _carried_by(study, moves),
                   len(study.surfels[0].points))

@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 
 from part2gs_robotics.decide.candidate import PART, Candidate, on_base
 from part2gs_robotics.decide.judge import Judge
-from part2gs_robotics.decide.leave_out import thinned
+from part2gs_robotics.decide.leave_out import least, thinned
 from part2gs_robotics.decide.screws import risen
 from part2gs_robotics.decide.split import halved, in_pieces
 from part2gs_robotics.decide.tune_slides import tune
@@ -39,9 +39,11 @@ def decide(judge: Judge, pool: Sequence[Joint], parts: int | None, swap: bool = 
     logger.info("decide: nothing moves: cost %.4f", best.cost)
     if parts is None:
         best = lowered(judge, best, pool, swap)
-        more = again(judge.unexplained(best)) if again and len(best) else []
-        if more and (new := _cheapest(judge, best, more, swap)).cost < best.cost:
-            pool = [*pool, *more]
+        while again and len(best):
+            more = again(judge.unexplained(best))
+            new = _cheapest(judge, best, more, swap) if more else best
+            if new.cost >= best.cost:
+                break
             best = lowered(judge, new, pool, swap)
     while pool and parts is not None and len(best) < parts:
         best = _one_more(judge, best, pool)
@@ -86,6 +88,8 @@ def _cheaper(judge: Judge, best: Candidate, pool: Sequence[Joint], swap: bool,
          lambda: _best_of(judge, in_pieces(judge, best), best)),
         # A plain door alone may show the photos worse what a drawer behind it makes up for.
         ("two more", True, lambda: _finished(judge, _one_more(judge, grown, pool), best)),
+        # Three motions of a wire's stretches may hide that one of them, refined, lands it all.
+        ("one less, polished", True, lambda: least(judge, best)),
     )
     for name, allowed, way in ways:
         new = way() if allowed else best

@@ -15,7 +15,6 @@ from scipy.spatial import cKDTree
 
 from part2gs_robotics.decide.candidate import PART, Candidate
 from part2gs_robotics.decide.judge import NEAR, UNEXPLAINED, Judge, arm_of
-from part2gs_robotics.decide.labelling import EVEN
 from part2gs_robotics.decide.leave_out import joint_of, thinned
 from part2gs_robotics.decide.screws import RARE
 from part2gs_robotics.evidence.faces import directions
@@ -63,8 +62,7 @@ def _grown(judge: Judge, found: Candidate, carrier: int, priced: bool, rng: np.r
            ) -> Candidate | None:
     """Return the candidate with one more part on a carrier, or None if that does not pay."""
     now = judge.judge(found)
-    # Evenly shared out: what neither explains, a latch, goes to rest where labels lean to it.
-    hard, _ = judge.sort_out(found.motions, starts=EVEN)
+    hard = now.labels
     left = _left(judge, judge.costs(found.motions, hard), hard, carrier)
     if len(left) < LEAST_LEFT * max((hard == carrier).sum(), 1) or len(left) < SEEDS:
         return None
@@ -95,7 +93,7 @@ def _search(judge: Judge, left: Surfels, carrier: F64, body: Surfels,
     back, diag = se3.inverse(carrier), study.diag
     home = replace(left, points=se3.apply(back, left.points), normals=left.normals @ back[:3, :3].T)
     empty = study.surfels[0].select(np.zeros(0, np.int64))
-    aim = Aim(study.lands[0], study.box, SEARCH_TAU * diag, forward=False)
+    aim = Aim(study.lands[0], study.box, diag, SEARCH_TAU * diag, forward=False)
     found: list[Joint] = []
     for i in farthest(home.points, SEEDS, int(rng.integers(len(left)))):
         gaps = np.linalg.norm(home.points - home.points[i], axis=1)

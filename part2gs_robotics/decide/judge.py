@@ -8,17 +8,8 @@ from functools import partial
 
 import numpy as np
 
-from part2gs_robotics.decide.candidate import PART, STRANGE, Candidate, Scores
-from part2gs_robotics.decide.claim import STAYS, claim
-from part2gs_robotics.decide.labelling import (
-    STARTS,
-    Unary,
-    energy_of,
-    label,
-    roughly,
-    unary_costs,
-    vanished,
-)
+from part2gs_robotics.decide.candidate import Candidate, Scores, price
+from part2gs_robotics.decide.labelling import Unary, energy_of, label, unary_costs, vanished
 from part2gs_robotics.decide.made_joints import askew, crooked, square
 from part2gs_robotics.evidence.cross_render import both_cost
 from part2gs_robotics.evidence.landing import unclaimed
@@ -34,10 +25,7 @@ from part2gs_robotics.search.refine import refine
 UNEXPLAINED = 0.5  # landing cost: halfway from an unobserved place to one seen empty
 MIN_SURFELS = 25  # in either state: less is the size of a floater
 NEAR = 0.05  # of the diagonal: hinges of eleven scenes pass their parts by 0.036 at most
-SORTED = 10  # sets per step, the best by a rough labelling, that are labelled to the end
-# Of the image cost: other labels of the same motions saved 12 %, or cost less without images too.
-TELLS = 0.25
-SHOWN = 2  # sets per step, the best by surfels, whose labels are claimed and rendered
+SHOWN = 2  # sets per step, the best by surfels, that images see
 
 
 def arm_of(h: Joint, own: tuple[Surfels, Surfels]) -> float:
@@ -66,21 +54,23 @@ class Judge:
             )
         return self._columns[id(h)][1]
 
-    def sort_out(self, motions: Sequence[Joint], starts: tuple[float, ...] = STARTS,
-                 ) -> tuple[Labels, float]:
-        """Return the labelling of the surfels under the motions and its cost per surfel."""
-        unary = self._unary(motions)
-        rest = unary.resting
-        hard, energy = label(unary, self.study.graph, rest, starts)
-        return hard, (energy + vanished(rest, hard)) / len(hard)
+    def sort_out(self, found: Candidate, asked: Sequence[int] | None = None) -> Candidate:
+        """Return the candidate with the labels that surfels and bonds make cheapest.
 
-    def _roughly(self, motions: Sequence[Joint]) -> tuple[float, float]:
-        """Return what a set costs by a rough labelling, and the start of it that was better."""
-        unary = self._unary(motions)
-        rest = unary.resting
-        hard, energy, start = roughly(unary, self.study.graph, rest)
-        energy += vanished(rest, hard)
-        return self._likely(motions, (hard, energy / len(hard))), start
+        Args:
+            found: its labels are where the search starts.
+            asked: labels that are tried, each once; None = all, until none helps.
+        """
+        hard = found.labels if len(found.labels) else np.zeros(len(self._normals), np.int64)
+        unary = self._unary(found.motions).resting
+        hard = label(unary, self.study.web, hard, asked)
+        return replace(found, labels=hard, fresh=() if asked is None else found.fresh)
+
+    def _roughly(self, found: Candidate) -> Candidate:
+        """Return the candidate with the labels that its new motions may take, or give back."""
+        new = tuple(dict.fromkeys(found.fresh))
+        stays = all(n == len(found) for n in new)  # a motion more: what it leaves stays as it was
+        return self.sort_out(found, new if stays else (*new, 0))
 
     def costs(self, motions: Sequence[Joint], hard: Labels) -> F64:
         """Return [N0 + N1] what every surfel's landing costs under its label."""
@@ -103,68 +93,49 @@ class Judge:
         """
         for motion in {id(h): h for s in sets for h in s.motions}.values():
             self._column(motion)  # before several threads ask for it
-        rough = side_by_side([partial(self._roughly, s.motions) for s in sets])
-        order = sorted(range(len(sets)), key=lambda n: (rough[n][0], n))[:SORTED]
-        few = [sets[n] for n in order]
-        # From the start that was better roughly: to ask again would take a third of the time.
-        found = side_by_side([partial(self.sort_out, sets[n].motions, (rough[n][1],))
-                              for n in order])
-        ranked = sorted(zip(found, few, strict=True),
-                        key=lambda pair: self._likely(pair[1].motions, pair[0]))[:shown]
-        judged = side_by_side([partial(self.judge, s, known[0]) for known, s in ranked])
+        rough = side_by_side([partial(self._likely, s) for s in sets])
+        order = sorted(range(len(sets)), key=lambda n: (rough[n][0], n))[:shown]
+        judged = side_by_side([partial(self.judge, rough[n][1]) for n in order])
         return min(judged, key=lambda c: c.cost)
 
-    def _likely(self, motions: Sequence[Joint], known: tuple[Labels, float]) -> float:
-        """Return what a set costs before images see it: a few dozen sets must be sorted fast."""
-        return known[1] + STRANGE * self.strange(motions, known[0]) + PART * len(motions)
+    def _likely(self, found: Candidate) -> tuple[float, Candidate]:
+        """Return what a set costs before images see it, and the set with labels so far.
 
-    def judge(self, found: Candidate, known: Labels | None = None) -> Candidate:
-        """Return the candidate with labels and scores; `known` are labels to start from.
+        A few dozen sets must be sorted fast.
+        """
+        found = self._roughly(found)
+        return self.unseen(found, found.labels).cost, found
+
+    def judge(self, found: Candidate) -> Candidate:
+        """Return the candidate with labels and scores.
 
         A set is judged once: its motions are kept beside, so their ids stay their own.
         """
         key = (*map(id, found.motions), *found.parents)
         if key not in self._judged:
-            hard = self.sort_out(found.motions)[0] if known is None else known
-            tried = [hard]
-            if found.motions:
-                start = replace(found, labels=hard)
-                tried.append(claim(self.study, self.lands, start, STAYS, sparing=True)[0])
-            self._judged[key] = found.motions, *self.cheapest(found, tried)
-        return replace(found, labels=self._judged[key][1], judged=self._judged[key][2])
-
-    def cheapest(self, found: Candidate, tried: Sequence[Labels]) -> tuple[Labels, Scores]:
-        """Return the labels of a set that cost least of those tried, and their scores."""
-        first, *others = sorted(((self._unseen(found, hard), n) for n, hard in enumerate(tried)),
-                                key=lambda pair: (pair[0].cost, pair[1]))
-        best, number = self._seen(found, tried[first[1]], first[0]), first[1]
-        for scores, n in others:
-            if scores.cost + (1.0 - TELLS) * best.images < best.cost:
-                new = self._seen(found, tried[n], scores)
-                best, number = (new, n) if new.cost < best.cost else (best, number)
-        return tried[number], best
+            hard = self.sort_out(found).labels
+            self._judged[key] = found.motions, hard, self.scores(found, hard)
+        return replace(found, labels=self._judged[key][1], judged=self._judged[key][2], fresh=())
 
     def scores(self, found: Candidate, hard: Labels) -> Scores:
         """Return what surfels and photos say of a set of motions under given labels."""
-        return self._seen(found, hard, self._unseen(found, hard))
+        study = self.study
+        return replace(self.unseen(found, hard), images=both_cost(
+            study.gaussians, study.gaussian_labels(hard),
+            [np.eye(4), *(h.move for h in found.motions)], study.views, study.source_weight,
+            study.light))
 
-    def _unseen(self, found: Candidate, hard: Labels) -> Scores:
-        """Return the scores of a set without its images."""
+    def unseen(self, found: Candidate, hard: Labels) -> Scores:
+        """Return the scores of a set under given labels without its images."""
         motions, study = found.motions, self.study
         unary = self._unary(motions).resting
         surfels = (energy_of(unary, study.graph, hard) + vanished(unary, hard)) / len(hard)
         cut = study.bonds * (hard[:, None] != hard[study.graph.neighbors])
-        carried = sum(parent > 0 for parent in found.parents)
+        shares = np.bincount(hard, minlength=len(found) + 1)[1:] / len(hard)
+        told = sum(price(n) * (2 if parent else 1)
+                   for n, parent in zip(shares, found.parents, strict=True))
         return Scores(surfels, 0.0, float(cut.sum(dtype=np.float64)) / len(hard),
-                      self.strange(motions, hard), len(found) + carried)
-
-    def _seen(self, found: Candidate, hard: Labels, unseen: Scores) -> Scores:
-        """Return the scores of a set with its images."""
-        study = self.study
-        return replace(unseen, images=both_cost(
-            study.gaussians, study.gaussian_labels(hard),
-            [np.eye(4), *(h.move for h in found.motions)], study.views, study.source_weight,
-            study.light))
+                      self.strange(motions, hard), told)
 
     def strange(self, motions: Sequence[Joint], hard: Labels) -> float:
         """Return what `Scores.strange` says of all motions together."""

@@ -2,35 +2,31 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from part2gs_robotics.decide.mean_field import NEVER, descend, wide
-from part2gs_robotics.evidence.graph import Graph
+from part2gs_robotics.decide.cut import Ints, Net, minimum_cut
+from part2gs_robotics.evidence.graph import GRAIN, SMOOTHNESS, Graph, Web
 from part2gs_robotics.evidence.landing import FREE_COST, Landing, land
 from part2gs_robotics.evidence.surfels import Surfels
 from part2gs_robotics.model import se3
-from part2gs_robotics.model.arrays import F32, F64
-from part2gs_robotics.runtime.jit import inlined, parallel_kernel
+from part2gs_robotics.model.arrays import F64, Labels
+from part2gs_robotics.runtime.jit import inlined, kernel, parallel_kernel
 
-SMOOTHNESS = 0.12  # per neighbour: ten neighbours outvote a neutral surfel, not a clear one
 NEUTRAL_COST = (
     0.3  # landing unobserved: a part is proven by contradictions it removes, not by what it hides
 )
 # Dearer than unseen at rest: 0.32 to 0.91 as many wrong labels, four scenes (0.01 to 0.1 tried).
 UNSEEN_MOVES = 0.05
+# Dearer than landing as well at rest: a round post on a hinge's line turns without being seen to.
+MOVES = 0.02
 FOREIGN_COST = 0.35  # a surfel met that another motion carries: two surfaces cannot both become it
-TEMPERATURES = (0.3, 0.2, 0.12, 0.07, 0.04)  # annealing of the mean field; costs are in 0..1
-SWEEPS = 4  # per temperature
-EVEN = (0.0,)  # what motions cost more than rest in a start of the mean field
-# The better counts: a shared wall costs 76 or 60, a narrow one 41 or 60 (0.02 to 0.3: 61 to 59).
-STARTS = (*EVEN, 0.1)
-# Gained by hiding, of that by landing: true parts of 25 objects up to 10 times, false ones all.
-HIDES = 16.0
-BETTER = 0.02  # of the energy: less is noise, which cost a scene of seven alike fronts two parts
+# Gained by hiding, of that by landing: true parts of 16 objects 0.04 to 2.7, false ones 3.3 up.
+HIDES = 3.0
 
 
 @inlined
@@ -60,24 +56,6 @@ def _own_costs(match: F64, target: NDArray[np.int64], miss: F64, far: F64,
         j = target[i, k]
         theirs = 1.0 if hard[max(j, 0)] == k else 0.0
         out[i] = far[i, k] + _cost(match[i, k], j, miss[i, k], theirs)
-
-
-@parallel_kernel
-def _start(match: F64, target: NDArray[np.int64], miss: F64, temperature: float, lean: float,
-           out: F32) -> None:
-    """Fill out [N, L or more] with soft labels as if every surfel met were of the same part.
-
-    lean: what is added to the cost of every label but rest.
-    """
-    for i in numba.prange(len(match)):
-        whole = 0.0
-        for k in range(match.shape[1]):
-            free = match[i, k] if target[i, k] >= 0 else miss[i, k]
-            free += lean if k else 0.0
-            out[i, k] = np.exp(-free / temperature)
-            whole += out[i, k]
-        for k in range(match.shape[1]):
-            out[i, k] /= whole
 
 
 @parallel_kernel
@@ -117,10 +95,11 @@ class Unary:
 
     @property
     def resting(self) -> Unary:
-        """These costs, but what moves (columns 1 ..) is a little dearer where nothing was seen."""
-        miss = self.miss.copy()
+        """These costs, but what moves (columns 1 ..) is a little dearer, to rest where it may."""
+        match, miss = self.match.copy(), self.miss.copy()
+        match[:, 1:] += MOVES
         miss[:, 1:] += UNSEEN_MOVES * (miss[:, 1:] < FREE_COST)
-        return Unary(self.match, self.target, miss, self.far)
+        return Unary(match, self.target, miss, self.far)
 
     def cost(self, q: NDArray[np.floating]) -> F64:
         """Return [N, L] costs given soft labels: a surface carried by another part is no match."""
@@ -158,39 +137,137 @@ def unary_costs(
     )
 
 
-def label(unary: Unary, graph: Graph, sought: Unary | None = None,
-          starts: tuple[float, ...] = STARTS) -> tuple[NDArray[np.int64], float]:
-    """Return hard labels [N] and their energy by annealed mean field, from the better start.
+def label(unary: Unary, web: Web, hard: Labels, asked: Iterable[int] | None = None) -> Labels:
+    """Return labels [N] that no exchange of any one label for others makes cheaper.
+
+    Every step is exact: all surfels at once keep their label or take the one asked for, whichever
+    costs least together with landings, neighbours and bonds (alpha expansion: Boykov, Veksler,
+    Zabih, 2001; the cost of meeting another part's surface is submodular, so one cut solves it).
 
     Args:
         unary: landing of every surfel under every motion.
-        graph: neighbours.
-        sought: the same with the ties broken that labels are found with; the energy is without.
-        starts: what makes a motion dearer than rest at first; later ones must be better.
+        web: what neighbours with two labels cost.
+        hard: [N] labels to start from.
+        asked: labels that are tried, each once; None = all, until none helps.
     """
-    best = starts[0] if len(starts) == 1 else roughly(unary, graph, sought, starts)[2]
-    return _found(unary, graph, sought, best, SWEEPS)
+    columns = columns_of(unary)
+    if asked is not None:
+        for one in asked:
+            hard = expanded(columns, web, hard, one)
+        return hard
+    count, idle, one = unary.match.shape[1], 0, 1
+    while idle < count:
+        new = expanded(columns, web, hard, one % count)
+        idle = idle + 1 if (new == hard).all() else 1
+        hard, one = new, one + 1
+    return hard
 
 
-def roughly(unary: Unary, graph: Graph, sought: Unary | None = None,
-            starts: tuple[float, ...] = STARTS) -> tuple[NDArray[np.int64], float, float]:
-    """Return hard labels [N], their energy, and which start was better, by one sweep per step.
+@dataclass(frozen=True)
+class Columns:
+    """Landing costs in whole numbers, `GRAIN` to one.
 
-    Enough to tell good sets of motions and starts from bad. Arguments as of `label`.
+    Attributes:
+        target: [N, L] the surfel met, -1 = none.
+        ours: [N, L] cost if that surfel has the label as well.  others: if it has not.
     """
-    tried = {lean: _found(unary, graph, sought, lean, 1) for lean in starts}
-    best = starts[0]
-    for lean in starts[1:]:
-        best = lean if tried[lean][1] < (1 - BETTER) * tried[best][1] else best
-    return *tried[best], best
+
+    target: Ints
+    ours: Ints
+    others: Ints
 
 
-def _found(unary: Unary, graph: Graph, sought: Unary | None, lean: float, sweeps: int,
-           ) -> tuple[NDArray[np.int64], float]:
-    """Return hard labels [N] from one start and their energy."""
-    weights = (SMOOTHNESS * graph.weights).astype(np.float32)
-    hard = _annealed(sought or unary, graph.neighbors, weights, lean, sweeps)
-    return hard, energy_of(unary, graph, hard)
+def columns_of(unary: Unary) -> Columns:
+    """Return the landing costs of every surfel under every label in whole numbers."""
+    most, met = np.maximum(unary.miss, FOREIGN_COST), unary.target >= 0
+    ours, others = (
+        np.round(GRAIN * (np.where(met, np.minimum(unary.match + more, most), unary.miss)
+                          + unary.far)).astype(np.int32)
+        for more in (0.0, FOREIGN_COST))
+    return Columns(unary.target.astype(np.int32), ours, others)
+
+
+@kernel
+def _ends(target: Ints, ours: Ints, others: Ints, first: Ints, to: Ints, cost: Ints,
+          hard: Labels, one: int, ends: Ints, degrees: Ints) -> None:
+    """Fill ends [N]: what taking a label costs beyond what keeping costs; degrees: arcs of each."""
+    for i in range(len(hard)):
+        own = hard[i]
+        if own == one:
+            continue
+        j = target[i, one]
+        takes = others[i, one] if j >= 0 and hard[j] != one else ours[i, one]
+        if j >= 0 and hard[j] != one and others[i, one] > ours[i, one]:
+            takes = ours[i, one]
+            degrees[i] += 1
+            degrees[j] += 1
+        j = target[i, own]
+        keeps = ours[i, own] if j < 0 or hard[j] == own else others[i, own]
+        if j >= 0 and hard[j] == own and others[i, own] > ours[i, own]:
+            degrees[i] += 1
+            degrees[j] += 1
+        for arc in range(first[i], first[i + 1]):
+            j = to[arc]
+            if hard[j] == one:
+                keeps += cost[arc]
+            else:
+                degrees[i] += 1
+                if hard[j] != own and i < j:
+                    keeps += cost[arc]
+        ends[i] = takes - keeps
+
+
+@kernel
+def _arcs(target: Ints, ours: Ints, others: Ints, first: Ints, to: Ints, cost: Ints,
+          hard: Labels, one: int, begin: Ints, out: tuple[Ints, Ints, Ints]) -> None:
+    """Fill node, arc back and capacity of every arc of the cut's graph; begin: where each starts.
+
+    An arc is cut where its first node keeps its label and its second takes the one asked for.
+    """
+    nodes, sister, cap = out
+    for i in range(len(hard)):
+        own = hard[i]
+        if own == one:
+            continue
+        j = target[i, one]
+        if j >= 0 and hard[j] != one and others[i, one] > ours[i, one]:
+            _join(j, i, others[i, one] - ours[i, one], 0, begin, nodes, sister, cap)
+        j = target[i, own]
+        if j >= 0 and hard[j] == own and others[i, own] > ours[i, own]:
+            _join(i, j, others[i, own] - ours[i, own], 0, begin, nodes, sister, cap)
+        for arc in range(first[i], first[i + 1]):
+            j = to[arc]
+            if i < j and hard[j] != one:
+                _join(j, i, cost[arc], cost[arc] if hard[j] == own else 0, begin, nodes, sister,
+                      cap)
+
+
+@inlined
+def _join(i: int, j: int, there: int, back: int, begin: Ints, nodes: Ints, sister: Ints, cap: Ints,
+          ) -> None:
+    """Add two arcs between two nodes, and move where the next ones of both start."""
+    a, b = begin[i], begin[j]
+    begin[i] += 1
+    begin[j] += 1
+    nodes[a], sister[a], cap[a] = j, b, there
+    nodes[b], sister[b], cap[b] = i, a, back
+
+
+def assembled(columns: Columns, web: Web, hard: Labels, one: int) -> tuple[Net, Ints]:
+    """Return the graph whose least cut is the best exchange, see `minimum_cut`."""
+    costs = columns.target, columns.ours, columns.others, web.first, web.to, web.cost
+    ends, degrees = np.zeros((2, len(hard)), np.int32)
+    _ends(*costs, hard, one, ends, degrees)
+    first = np.concatenate([[0], np.cumsum(degrees)]).astype(np.int32)
+    to, sister, cap = np.zeros((3, int(first[-1])), np.int32)
+    _arcs(*costs, hard, one, first[:-1].copy(), (to, sister, cap))
+    return (first, to, sister, cap), ends
+
+
+def expanded(columns: Columns, web: Web, hard: Labels, one: int) -> Labels:
+    """Return the labels [N] after the best exchange of any of them for one; as given if none."""
+    arcs, ends = assembled(columns, web, hard, one)
+    return np.where(minimum_cut(arcs, ends), one, hard)
 
 
 def energy_of(unary: Unary, graph: Graph, hard: NDArray[np.int64]) -> float:
@@ -215,14 +292,3 @@ def vanished(unary: Unary, hard: NDArray[np.int64]) -> float:
     return float(np.maximum(hidden - HIDES * landed, 0.0).sum())
 
 
-def _annealed(unary: Unary, neighbors: NDArray[np.int32], weights: F32, lean: float, sweeps: int,
-              ) -> NDArray[np.int64]:
-    """Return hard labels [N] by mean field from one start, `sweeps` per temperature."""
-    parts, far = (unary.match, unary.target, unary.miss), unary.everywhere
-    count, labels = unary.match.shape
-    q, cost = (wide(count, labels, fill) for fill in (0.0, NEVER))
-    _start(*parts, TEMPERATURES[0], lean, q)
-    for temperature in TEMPERATURES:
-        _costs(*parts, far, q, cost)
-        q = descend(cost, q, neighbors, weights, temperature, sweeps)
-    return q.argmax(1)

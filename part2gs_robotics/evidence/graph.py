@@ -22,6 +22,8 @@ from part2gs_robotics.model.arrays import F32, F64, Mask
 from part2gs_robotics.model.scene import StateViews
 from part2gs_robotics.runtime.jit import kernel, parallel_kernel
 
+SMOOTHNESS = 0.12  # per neighbour: ten neighbours outvote a neutral surfel, not a clear one
+GRAIN = 2**14  # whole numbers per unit of cost: a surfel's sum stays far below 2^31
 NEIGHBORS = 10  # of the surfel graph: a full ring on a surface sampled by voxels
 THROUGH = 0.0  # cosine of normals: a way goes round an edge, not through a thin wall
 CREASE, FACE = 0.5, 0.9  # cosines between which two neighbours turn from two faces into one
@@ -39,6 +41,39 @@ class Graph:
 
     neighbors: NDArray[np.int32]
     weights: NDArray[np.float32]
+
+
+@dataclass(frozen=True)
+class Web:
+    """What two labels cost between neighbours, both ways together, as a sparse symmetric matrix.
+
+    Attributes:
+        first: [N + 1] first arc of every surfel.
+        to: [A] the surfel that an arc leads to.  back: [A] the arc that leads back.
+        cost: [A] in `GRAIN`-ths.
+    """
+
+    first: NDArray[np.int32]
+    to: NDArray[np.int32]
+    back: NDArray[np.int32]
+    cost: NDArray[np.int32]
+
+
+def web_of(graph: Graph, bonds: F32) -> Web:
+    """Return what neighbours with two labels cost: their nearness, and the bond that is cut."""
+    count, ring = graph.neighbors.shape
+    rows = np.repeat(np.arange(count, dtype=np.int32), ring)
+    weights = SMOOTHNESS * graph.weights.astype(np.float64) + bonds
+    one_way = csr_matrix((weights.ravel(), (rows, graph.neighbors.ravel())), (count, count))
+    both = one_way + one_way.T
+    both.setdiag(0.0)
+    both.eliminate_zeros()
+    both.sort_indices()
+    number = csr_matrix((np.arange(1, both.nnz + 1), both.indices, both.indptr), both.shape)
+    back = number.T.tocsr()  # symmetric, so its entries stand in the same order
+    back.sort_indices()
+    return Web(both.indptr.astype(np.int32), both.indices.astype(np.int32),
+               (back.data - 1).astype(np.int32), np.round(GRAIN * both.data).astype(np.int32))
 
 
 def build_graph(states: tuple[Surfels, Surfels]) -> Graph:

@@ -203,6 +203,7 @@ def score_turns(rots: F64, shifts: F64, source: Surfels, target: Landing, tau: f
     """Return [P * A] what `score_moves` says of the promising motions, infinity for the others.
 
     A quarter of the points tells most motions from good ones; only the best are scored with all.
+    Of a small body all points do.
     The points must be in random order.
 
     Args:
@@ -212,7 +213,8 @@ def score_turns(rots: F64, shifts: F64, source: Surfels, target: Landing, tau: f
         target: grid of the other state.
         tau: matching distance.
     """
-    few = source.select(np.arange(max(FIRST_POINTS, len(source) // 4)).clip(max=len(source) - 1))
+    share = len(source) // 4
+    few = source.select(np.arange(share if share >= FIRST_POINTS else len(source)))
     rough = _score_turns(np.ascontiguousarray(shifts.swapaxes(0, 1)), few.points @ rots.mT,
                          few.normals @ rots.mT, few.colors, *_grid(target, tau)).ravel()
     left = max(int(PROMISING * len(rough)), min(FEWEST_LEFT, len(rough)))

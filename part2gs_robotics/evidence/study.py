@@ -16,7 +16,7 @@ from part2gs_robotics.evidence.cross_render import floor_of
 from part2gs_robotics.evidence.depth_maps import DepthMaps
 from part2gs_robotics.evidence.edges import bundled, edge_families
 from part2gs_robotics.evidence.faces import flat_faces
-from part2gs_robotics.evidence.graph import Graph, bonds, build_graph, ways_along
+from part2gs_robotics.evidence.graph import Graph, Web, bonds, build_graph, ways_along, web_of
 from part2gs_robotics.evidence.guides import Guides, guides_of
 from part2gs_robotics.evidence.landing import Landing, build_landing
 from part2gs_robotics.evidence.light import Light
@@ -84,6 +84,11 @@ class Study:
         """[N0 + N1, N0 + N1] distances between neighbouring surfels, along the surface."""
         return ways_along(self.surfels, self.graph)
 
+    @cached_property
+    def web(self) -> Web:
+        """What neighbours with two labels cost."""
+        return web_of(self.graph, self.bonds)
+
     def clues(self, labels: tuple[NDArray[np.int64], NDArray[np.int64]], count: int) -> Clues:
         """Return what draws the joints of parts 1..count, from labels of the Gaussians."""
         return Clues(self.guides, part_edges(self.segments, self.maps, self.gaussians, labels,
@@ -92,7 +97,7 @@ class Study:
     def looking_at(self, evidence: Evidence) -> Study:
         """Return the study with other evidence; what was gathered once is not gathered again."""
         new = replace(self, evidence=evidence)
-        known = ("straight", "guides", "ways")
+        known = ("straight", "guides", "ways", "web")
         vars(new).update({name: vars(self)[name] for name in known if name in vars(self)})
         return new
 

@@ -9,7 +9,7 @@ from scipy.spatial import cKDTree
 
 from part2gs_robotics.config import ArticulateConfig
 from part2gs_robotics.decide.candidate import Candidate
-from part2gs_robotics.decide.claim import FAR_COST, STAYS, claim
+from part2gs_robotics.decide.claim import STAYS, claim
 from part2gs_robotics.decide.judge import MIN_SURFELS, Judge
 from part2gs_robotics.decide.labelling import Unary, unary_costs
 from part2gs_robotics.evidence.study import Study
@@ -59,20 +59,12 @@ def labels_under(judge: Judge, found: Candidate, config: ArticulateConfig, stays
 def final_labels(judge: Judge, end: Candidate, config: ArticulateConfig) -> tuple[Labels, F64]:
     """Return surfel labels [N0 + N1] and costs [N0 + N1, K+1] under joints that are final.
 
-    Claimed, or as they were judged: the cost says which. Arguments as of `labels_under`.
+    What nothing shows is claimed from labels as they were judged. Arguments as of `labels_under`.
     """
     # Only now: used while joints were still aligned, `STAYS` cost one scene a door.
-    if not config.identity or config.paper_mode:
-        return labels_under(judge, end, config, STAYS)
-    known = judge.judge(replace(end, judged=None))
-    start = replace(known, labels=judge.sort_out(known.motions)[0])
-    claimed, costs = labels_under(judge, start, config, STAYS)
-    hard, _ = judge.cheapest(known, [claimed, known.labels])
-    if hard is claimed:
-        return claimed, costs
-    eye = np.eye(len(known) + 1)[hard]
-    landing = _landing(judge, [j.state1_from_0 for j in known.motions]).cost(eye)
-    return hard, landing + FAR_COST * (1.0 - eye)
+    if config.identity and not config.paper_mode:
+        end = judge.judge(replace(end, judged=None))
+    return labels_under(judge, end, config, STAYS)
 
 
 def identity_labels(judge: Judge, found: Candidate, config: ArticulateConfig,

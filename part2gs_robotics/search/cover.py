@@ -27,7 +27,8 @@ PATCH_POINTS = 80  # enough to rank 1e5 hypotheses, few enough to do it in a sec
 LEAST_MOTION = (
     0.35  # trust lost per diagonal of way: a door swapped with its neighbour fits as well
 )
-SEARCH_TAU = 0.04  # of the diagonal: the capture range of the coarse grid
+PLACES = 8  # of each patch: the true one is among the first eight that differ
+SEARCH_TAU = 0.04  # of the diagonal: the capture range of the coarse grid, and its step
 
 
 def propose(study: Study, seeds: tuple[int, int], rng: np.random.Generator,
@@ -56,20 +57,36 @@ def propose(study: Study, seeds: tuple[int, int], rng: np.random.Generator,
             axes = directions(study.lands[0].surfels, patch, rng,
                               known=study.straight.directions)
             local = surfels.select(rng.permutation(near)[:400])
-            tasks.append(partial(_motions, study, patch, local, axes, state))
+            aim = Aim(study.lands[1 - state], study.box, diag, SEARCH_TAU * diag, state == 0)
+            tasks.append(partial(_motions, study, patch, local, axes, aim))
     return [h for found in side_by_side(tasks) for h in found]
 
 
-def _motions(study: Study, patch: Surfels, local: Surfels, axes: F64, state: int) -> list[Joint]:
-    """Return the motions of one patch of a state, refined on the evidence around it."""
-    diag = float(np.linalg.norm(study.box[1] - study.box[0]))
-    aim = Aim(study.lands[1 - state], study.box, SEARCH_TAU * diag, state == 0)
-    ranked = search_patch(patch, aim, axes, study.straight.directions)
+def landings(patch: Surfels, axes: F64, aim: Aim, straight: F64, count: int) -> list[Joint]:
+    """Return the motions that land a patch best, in places that differ.
+
+    Args:
+        patch: surfels, in random order.
+        axes: [D, 3] candidate axes.
+        aim: where the patch may land.
+        straight: [E, 3] those of the axes that edges have.
+        count: at most.
+    """
+    ranked = search_patch(patch, aim, axes, straight)
+    return [h for _, h in spread(ranked, count, patch.points, 0 if aim.forward else 1)]
+
+
+def on_patch(h: Joint, local: Surfels, aim: Aim, study: Study) -> Joint:
+    """Return a motion refined on surfels of one state."""
     empty = local.select(np.zeros(0, np.int64))
-    sets = (local, empty) if state == 0 else (empty, local)
-    taus = SEARCH_TAU * diag, 0.02 * diag
-    return [refine(h, sets, study.lands, taus, 3)
-            for _, h in spread(ranked, 8, patch.points, state)]
+    sets = (local, empty) if aim.forward else (empty, local)
+    return refine(h, sets, study.lands, (aim.tau, 0.5 * aim.tau), 3)
+
+
+def _motions(study: Study, patch: Surfels, local: Surfels, axes: F64, aim: Aim) -> list[Joint]:
+    """Return the motions of one patch of a state, refined on the evidence around it."""
+    found = landings(patch, axes, aim, study.straight.directions, PLACES)
+    return [on_patch(h, local, aim, study) for h in found]
 
 
 def spread(

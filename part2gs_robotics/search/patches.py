@@ -19,7 +19,6 @@ from part2gs_robotics.model.joint import Joint
 
 SLIDE_STEP = 0.01  # of the diagonal: half the search tolerance
 TURN_STEP = np.deg2rad(5.0)  # a patch at half a diagonal moves 4 % of the diagonal
-PIVOT_STEP = 0.04  # of the diagonal
 MAX_SLIDE = 0.6  # of the diagonal: longer than any drawer of the object itself
 KEPT = 12  # motions per axis and kind: the next ones land a patch beside the best
 MAX_TURN = np.deg2rad(180.0)  # either way: every turn there is
@@ -34,14 +33,20 @@ def slides(axes: F64, diag: float) -> list[Joint]:
     ]
 
 
-def turns(axis: F64, lo: F64, hi: F64, diag: float) -> tuple[F64, F64, F64, F64]:
+def turns(axis: F64, lo: F64, hi: F64, step: float) -> tuple[F64, F64, F64, F64]:
     """Return turns about parallel axes: rotations, and the shifts that follow them.
+
+    Args:
+        axis: [3] of all.
+        lo: corner of the box that the axes pass.
+        hi: the opposite corner.
+        step: between neighbouring axes, scene units.
 
     Returns:
         Pivots [P, 3], angles [A], rotations [A, 3, 3], shifts [P, A, 3].
     """
     basis = np.linalg.svd(axis[None])[2][1:]
-    centre, step = (lo + hi) / 2, PIVOT_STEP * diag
+    centre = (lo + hi) / 2
     corners = np.array(
         [
             [lo, hi][b][i]
@@ -68,13 +73,14 @@ class Aim:
 
     Attributes:
         target: landing grid of the other state.
-        box: corners of the object.
-        tau: matching distance in scene units.
+        box: corners of the box that axes of turns pass.
+        diag: of the object.  tau: matching distance, and step between axes; scene units.
         forward: True if the patch is of state 0 (moves map 0 to 1), else the inverse is tried.
     """
 
     target: Landing
     box: tuple[F64, F64]
+    diag: float
     tau: float
     forward: bool
 
@@ -90,10 +96,9 @@ def search_patch(patch: Surfels, aim: Aim, axes: F64, straight: F64 | None = Non
         straight: [E, 3] those of the axes that edges have.
         keep: motions kept per axis and kind.
     """
-    diag = float(np.linalg.norm(aim.box[1] - aim.box[0]))
     out: list[tuple[float, Joint]] = []
     flip = 1.0 if aim.forward else -1.0
-    guesses = slides(axes, diag)
+    guesses = slides(axes, aim.diag)
     costs = score_moves(np.stack([g.move for g in guesses]), patch, aim.target, aim.tau)
     for i in np.argsort(costs)[: 2 * keep]:
         g = guesses[i]
@@ -102,7 +107,7 @@ def search_patch(patch: Surfels, aim: Aim, axes: F64, straight: F64 | None = Non
         out.append((float(costs[i]), slide))
     for axis in axes:
         held = on_edge(axis, straight)
-        pivots, angles, rots, shifts = turns(axis, *aim.box, diag)
+        pivots, angles, rots, shifts = turns(axis, *aim.box, aim.tau)
         costs = score_turns(rots, shifts, patch, aim.target, aim.tau)
         for i in np.argsort(costs)[:keep]:
             p, a = divmod(int(i), len(angles))

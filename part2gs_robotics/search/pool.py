@@ -11,6 +11,7 @@ from part2gs_robotics.config import SearchConfig
 from part2gs_robotics.evidence.study import Study
 from part2gs_robotics.evidence.surfaces import Evidence
 from part2gs_robotics.model.joint import Joint
+from part2gs_robotics.search.bodies import propose_bodies
 from part2gs_robotics.search.cover import choose, propose
 from part2gs_robotics.search.snap import distinct, slide_families, snapped
 
@@ -36,9 +37,12 @@ def find_more(study: Study, left: Evidence, rng: np.random.Generator, search: Se
         rng: picks patches.
         search: how closely to look.
     """
-    count = sum(map(len, left.sets))
+    count, seen = sum(map(len, left.sets)), study.looking_at(left)
     few = replace(search, patches=max(search.patches // LEFT, 1))
-    return find_pool(study.looking_at(left), rng, count, few) if count else []
+    if not count:
+        return []
+    small = propose_bodies(seen, rng, search.patch_points)
+    return distinct([*find_pool(seen, rng, count, few), *small], study)
 
 
 def find_pool(

@@ -117,7 +117,7 @@ def test_search_refinement_and_choice_do_not_know_the_unit(name, request):
         joint = choose_joint(guess_of(world, unit), own, lands, 0.03 * unit, 1.4 * unit, 0.5)
         patch = own[0].select(np.arange(0, len(own[0]), len(own[0]) // 20))
         box = np.full(3, -0.1 * unit), np.full(3, 0.9 * unit)
-        aim = Aim(lands[1], box, 0.05 * unit, True)
+        aim = Aim(lands[1], box, 1.7 * unit, 0.05 * unit, True)
         best = search_patch(patch, aim, np.eye(3)[[0, 2]], keep=3)
         length = 1.0 if fine.turns else unit
         found.append((unit, joint, fine.axis, fine.value / length, [cost for cost, _ in best]))

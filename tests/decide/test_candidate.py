@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from part2gs_robotics.decide.candidate import PART, STRANGE, Candidate, Scores, on_base
+from part2gs_robotics.decide.candidate import PART, STRANGE, Candidate, Scores, on_base, price
 from part2gs_robotics.model.joint import Joint
 
 pytestmark = pytest.mark.usefixtures("one_numba_thread")
@@ -162,3 +162,10 @@ def test_what_is_judged_is_charged_for_its_parts_and_carriers(judge, right, look
     assert alone.scores.parts == 1
     carried = replace(right, parents=(0, 1))
     assert judge.judge(carried).scores.parts == 3, "what carries a part is told as well"
+
+
+@pytest.mark.parametrize(("share", "told"), [(0.0, 0.5), (PART, 0.5), (1.5 * PART, 0.75),
+                                             (2 * PART, 1.0), (0.3, 1.0)])
+def test_a_small_part_pays_half_a_price_at_least_and_a_large_one_no_more_than_one(share, told):
+    """A half of what its surfels save where each was contradicted, between the two."""
+    assert price(share) == pytest.approx(told)

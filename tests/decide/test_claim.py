@@ -23,10 +23,15 @@ from part2gs_robotics.decide.claim import (
     claim,
 )
 from part2gs_robotics.decide.labelling import FOREIGN_COST, NEUTRAL_COST, Unary
-from part2gs_robotics.evidence.graph import Graph, ways_along
+from part2gs_robotics.evidence.graph import Graph, build_graph, ways_along, web_of
 from part2gs_robotics.model.joint import Joint
 
 COUNT = 41  # surfels in a row, a unit apart
+
+
+def unbound(graph):
+    """Return that no neighbours hold together."""
+    return np.zeros(graph.weights.shape, np.float32)
 
 
 def row_of_surfels(gap_after: int | None = None) -> SimpleNamespace:
@@ -130,6 +135,7 @@ def test_what_hangs_on_a_pulled_out_floor_is_the_drawers_and_no_rooms_wall_is_th
     none = np.full(costs.shape, -1)
     study = row_of_surfels()
     study.tau, study.diag, study.ways = 0.0, 60.0, ways_of(study)
+    study.web = web_of(study.graph, unbound(study.graph))
     monkeypatch.setattr(claim_file, "unary_costs", lambda *_: Unary(costs, none, costs))
     monkeypatch.setattr(claim_file, "_passing", lambda *_: np.zeros(costs.shape))
     monkeypatch.setattr(claim_file, "joined", lambda hard, *_: hard)
@@ -143,14 +149,13 @@ def test_what_hangs_on_a_pulled_out_floor_is_the_drawers_and_no_rooms_wall_is_th
 
 def test_a_hidden_side_goes_with_the_part_it_hangs_on(slid) -> None:
     """A block slides; where both motions hide a surfel, its neighbours on the block decide."""
-    from part2gs_robotics.evidence.graph import build_graph
     from part2gs_robotics.evidence.landing import unclaimed
 
     pair = tuple(s.surfels for s in slid.states)
     lands = tuple(s.land for s in slid.states)
     graph = build_graph(pair)
     study = SimpleNamespace(surfels=pair, lands=lands, graph=graph, tau=0.03, diag=1.0,
-                            ways=ways_along(pair, graph))
+                            ways=ways_along(pair, graph), web=web_of(graph, unbound(graph)))
     joint = Joint("prismatic", slid.axis, np.array([0.2, 0.3, 0.4]), slid.value)
     start = on_base([joint], np.zeros(len(pair[0]) + len(pair[1]), np.int64))
     hard, costs = claim(study, tuple(map(unclaimed, lands)), start)

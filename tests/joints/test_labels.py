@@ -9,7 +9,7 @@ import pytest
 
 from part2gs_robotics.config import ArticulateConfig
 from part2gs_robotics.decide.candidate import on_base
-from part2gs_robotics.decide.claim import FAR_COST
+from part2gs_robotics.decide.claim import STAYS, claim
 from part2gs_robotics.joints.labels import (
     final_labels,
     labels_under,
@@ -84,21 +84,15 @@ def test_start_labels_keep_the_decision_where_landing_leaves_a_motion_nothing(ju
     np.testing.assert_array_equal(hard == 2, kept)
 
 
-def test_final_labels_are_the_cheapest_of_claimed_and_judged(judge, true, monkeypatch):
+def test_final_labels_are_claimed_from_those_that_were_judged(judge, true, monkeypatch):
     config = replace(PLAIN, identity=True)
     hard, costs = final_labels(judge, true, config)
     known = judge.judge(true)
-    assert judge.scores(known, hard).cost <= known.cost
-    assert costs.shape == (len(hard), 3)
-    still = np.zeros_like(hard)  # what nobody would choose
-    monkeypatch.setattr("part2gs_robotics.joints.labels.labels_under",
-                        lambda *a: (still, np.zeros_like(costs)))
-    kept, costs = final_labels(judge, true, config)
-    np.testing.assert_array_equal(kept, known.labels)
-    own = costs[np.arange(len(kept)), kept]
-    other = landing_costs(judge, [j.state1_from_0 for j in true.motions]).min(1)
-    assert (own >= other - 1e-12).all(), "what it is labelled as costs what it lands for"
-    assert (np.delete(costs, 0, 1).max(1) >= FAR_COST).all(), "and any other label more"
+    expected, same = claim(judge.study, judge.lands, known, STAYS)
+    np.testing.assert_array_equal(hard, expected)
+    np.testing.assert_array_equal(costs, same)
+    astray = replace(true, labels=np.zeros_like(hard))
+    np.testing.assert_array_equal(final_labels(judge, astray, config)[0], hard)
 
 
 def test_final_labels_without_identities_are_those_that_land_best(judge, true):

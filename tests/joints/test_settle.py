@@ -12,7 +12,7 @@ from part2gs_robotics.decide.candidate import on_base
 from part2gs_robotics.decide.claim import claim
 from part2gs_robotics.evidence.cross_render import both_cost
 from part2gs_robotics.joints import settle as settle_file
-from part2gs_robotics.joints.settle import VETO, Photos, _aligned, _final, _held, settle
+from part2gs_robotics.joints.settle import Photos, _aligned, _final, _held, settle
 from part2gs_robotics.model.joint import Joint
 from part2gs_robotics.model.small_views import small_views
 
@@ -89,7 +89,7 @@ def test_a_part_that_nothing_shows_does_not_spoil_the_others(judge, photos, true
     start = on_base(joints, labels_of(judge, true_joints[:1]))
     found = settle(judge, start, photos, ArticulateConfig())
     was = image_cost(judge, start, photos)  # of the true joint: it cannot get better
-    assert image_cost(judge, found, photos) <= (1 + VETO) * was
+    assert image_cost(judge, found, photos) <= 1.01 * was  # the wrong joint may hide a few surfels
     assert miss(judge, found.motions[:1], true_joints[:1]) < 0.003
     assert all(np.isfinite(j.axis).all() and np.isfinite(j.value) for j in found.motions)
 

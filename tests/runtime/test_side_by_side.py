@@ -25,7 +25,7 @@ two_threads = pytest.mark.skipif(numba.config.NUMBA_NUM_THREADS < 2, reason="one
 def threads(look_alikes):
     """Set the number of kernel threads; kernels have run, so their layer is known."""
     before = numba.get_num_threads()
-    Judge(look_alikes.study).sort_out(look_alikes.truth)
+    Judge(look_alikes.study).sort_out(on_base(look_alikes.truth))
     yield numba.set_num_threads
     numba.set_num_threads(before)
 
