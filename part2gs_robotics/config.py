@@ -60,7 +60,7 @@ class Config:
 PRESETS: dict[str, dict[str, Value]] = {  # standard is what the dataclasses say
     "draft": {"max_side": 320, "steps": 640, "half_steps": 300, "start_gaussians": 9_000,
               "max_gaussians": 14_000, "hull_resolution": 128, "view_color": False,
-              "align_views": 8, "align_side": 160, "sharp_side": 256,
+              "proof_side": 128, "align_views": 8, "align_side": 160, "sharp_side": 256,
               "contact": False, "vector_field": False, "resolution": 96, "sweep_values": 11},
     "standard": {},
     "high": {"max_side": 1024, "steps": 3000, "half_steps": 600, "start_gaussians": 25_000,
