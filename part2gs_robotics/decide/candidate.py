@@ -13,7 +13,7 @@ from part2gs_robotics.model.joint import Joint
 STRANGE = 0.05  # the most that a slide saved which no made thing's joint makes was 0.045
 # One more part, or carrier: of 17 objects true ones saved 0.0028 up, false 0.0018, one since 0.003.
 PART = 0.0023
-# Saved per surfel of small parts: true ones 0.74 and 0.95, false ones 0.21 (benchmarks/ladder.py).
+# Saved per surfel of small parts: two true ones 0.74 and 0.95, the best of the false ones 0.21.
 BORDER = 0.5
 
 

@@ -63,14 +63,14 @@ def _grown(judge: Judge, found: Candidate, carrier: int, priced: bool, rng: np.r
     """Return the candidate with one more part on a carrier, or None if that does not pay."""
     now = judge.judge(found)
     hard = now.labels
-    left = _left(judge, judge.costs(found.motions, hard), hard, carrier)
+    left = _left(judge, judge.costs(now.motions, hard), hard, carrier)
     if len(left) < LEAST_LEFT * max((hard == carrier).sum(), 1) or len(left) < SEEDS:
         return None
     body = judge.study.surfels[0].select(hard[: len(judge.study.surfels[0])] == carrier)
     tried = _search(judge, left, found.motions[carrier - 1].state1_from_0, body, rng)
     if not tried:
         return None
-    grown = _polished(judge, judge.best_of([found.plus(h, carrier) for h in tried]))
+    grown = _polished(judge, judge.best_of([now.plus(h, carrier) for h in tried]))
     gain = now.cost - grown.cost if priced else now.scores.left - grown.scores.left
     logger.info("nested: %d of part %d left, %d motions on it: %.4f less", len(left), carrier,
                 len(tried), gain)

@@ -25,7 +25,7 @@ UNSEEN_MOVES = 0.05
 # Dearer than landing as well at rest: a round post on a hinge's line turns without being seen to.
 MOVES = 0.02
 FOREIGN_COST = 0.35  # a surfel met that another motion carries: two surfaces cannot both become it
-# Gained by hiding, of that by landing: true parts of 16 objects 0.04 to 2.7, false ones 3.3 up.
+# Gained by hiding, of that by landing: true parts 0.04 to 2.7 (wire trays 1.8 up), false from 3.3.
 HIDES = 3.0
 
 
@@ -195,10 +195,8 @@ def _ends(target: Ints, ours: Ints, others: Ints, first: Ints, to: Ints, cost: I
         own = hard[i]
         if own == one:
             continue
-        j = target[i, one]
-        takes = others[i, one] if j >= 0 and hard[j] != one else ours[i, one]
-        if j >= 0 and hard[j] != one and others[i, one] > ours[i, one]:
-            takes = ours[i, one]
+        j, takes = target[i, one], ours[i, one]  # dearer by an arc if the one met keeps another
+        if j >= 0 and hard[j] != one and others[i, one] > takes:
             degrees[i] += 1
             degrees[j] += 1
         j = target[i, own]

@@ -7,19 +7,17 @@ from dataclasses import replace
 from itertools import combinations
 
 import numpy as np
-from scipy.sparse.csgraph import connected_components
-from scipy.spatial import cKDTree
 
 from part2gs_robotics.decide.candidate import Candidate
 from part2gs_robotics.decide.judge import MIN_SURFELS, Judge
 from part2gs_robotics.decide.tune_slides import PARALLEL
 from part2gs_robotics.evidence.surfels import Surfels, apart, at_home
 from part2gs_robotics.model.joint import Joint
+from part2gs_robotics.search.bodies import GAP, connected
 from part2gs_robotics.search.refine import misfit, refine
 
 MOST_PAIRS = 20  # of each kind tried in the place of each motion; a set takes about 30 ms
 NEAR = 0.005  # of the diagonal: two motions that carry a piece nearer than that are one
-GAP = 0.02  # of the diagonal, two surfels: pieces nearer to each other are joined
 PIECE = 0.15  # of a part's surfels: less is a handle or a patch gone astray
 PIECE_STEPS = (-0.04, -0.02, 0.0, 0.02, 0.04)  # of the diagonal: refinement reaches half a step
 
@@ -91,10 +89,7 @@ def pieces(h: Joint, own: tuple[Surfels, Surfels], diag: float, least: int,
     points = at_home(h, own)
     if not len(points):
         return []
-    near = cKDTree(points).sparse_distance_matrix(cKDTree(points), GAP * diag,
-                                                  output_type="coo_matrix")
-    number, piece = connected_components(near, directed=False)
-    sizes = np.bincount(piece, minlength=number)
+    piece, sizes = connected(points, GAP * diag)
     found = []
     for n in np.argsort(-sizes, kind="stable"):
         if sizes[n] < PIECE * len(points):

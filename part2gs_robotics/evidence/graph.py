@@ -64,9 +64,9 @@ def web_of(graph: Graph, bonds: F32) -> Web:
     count, ring = graph.neighbors.shape
     rows = np.repeat(np.arange(count, dtype=np.int32), ring)
     weights = SMOOTHNESS * graph.weights.astype(np.float64) + bonds
+    weights[graph.neighbors == rows.reshape(count, ring)] = 0.0
     one_way = csr_matrix((weights.ravel(), (rows, graph.neighbors.ravel())), (count, count))
     both = one_way + one_way.T
-    both.setdiag(0.0)
     both.eliminate_zeros()
     both.sort_indices()
     number = csr_matrix((np.arange(1, both.nnz + 1), both.indices, both.indptr), both.shape)

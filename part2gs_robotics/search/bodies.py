@@ -15,7 +15,7 @@ from scipy.spatial import cKDTree
 from part2gs_robotics.evidence.faces import directions
 from part2gs_robotics.evidence.study import FINE_TAU, Study
 from part2gs_robotics.evidence.surfels import Surfels
-from part2gs_robotics.model.arrays import F64
+from part2gs_robotics.model.arrays import F64, Labels
 from part2gs_robotics.model.joint import Joint
 from part2gs_robotics.runtime.side_by_side import side_by_side
 from part2gs_robotics.search.cover import SEARCH_TAU, landings, on_patch
@@ -64,9 +64,14 @@ def bodies(surfels: Surfels, diag: float) -> list[Surfels]:
     """Return the connected bodies of surfels, the largest first; diag: of the object."""
     if len(surfels) < LEAST:
         return []
-    tree = cKDTree(surfels.points)
-    near = tree.sparse_distance_matrix(tree, GAP * diag, output_type="coo_matrix")
-    number, piece = connected_components(near, directed=False)
-    sizes = np.bincount(piece, minlength=number)
+    piece, sizes = connected(surfels.points, GAP * diag)
     return [surfels.select(piece == n) for n in np.argsort(-sizes, kind="stable")[:MOST]
             if sizes[n] >= LEAST]
+
+
+def connected(points: F64, gap: float) -> tuple[Labels, Labels]:
+    """Return [n] the piece of every point, and [m] sizes; points nearer than a gap are of one."""
+    tree = cKDTree(points)
+    near = tree.sparse_distance_matrix(tree, gap, output_type="coo_matrix")
+    number, piece = connected_components(near, directed=False)
+    return piece.astype(np.int64), np.bincount(piece, minlength=number)
