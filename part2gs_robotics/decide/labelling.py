@@ -25,7 +25,7 @@ UNSEEN_MOVES = 0.05
 # Dearer than landing as well at rest: a round post on a hinge's line turns without being seen to.
 MOVES = 0.02
 FOREIGN_COST = 0.35  # a surfel met that another motion carries: two surfaces cannot both become it
-# Gained by hiding, of that by landing: true parts 0.04 to 2.7 (wire trays 1.8 up), false from 3.3.
+# Gained by hiding, of that by landing: true parts 0.04 to 2.7 (thin ones 1.8 up), false from 3.3.
 HIDES = 3.0
 
 
