@@ -119,9 +119,10 @@ class Judge:
 
     def scores(self, found: Candidate, hard: Labels) -> Scores:
         """Return what surfels and photos say of a set of motions under given labels."""
-        study = self.study
+        study, resting = self.study, self._unary(found.motions).resting
+        seen = vanished(resting, hard)[1]  # photos gain by hiding as surfels do
         return replace(self.unseen(found, hard), images=both_cost(
-            study.gaussians, study.gaussian_labels(hard),
+            study.gaussians, study.gaussian_labels(seen),
             [np.eye(4), *(h.move for h in found.motions)], study.views, study.source_weight,
             study.light))
 
@@ -129,7 +130,7 @@ class Judge:
         """Return the scores of a set under given labels without its images."""
         motions, study = found.motions, self.study
         unary = self._unary(motions).resting
-        surfels = (energy_of(unary, study.graph, hard) + vanished(unary, hard)) / len(hard)
+        surfels = (energy_of(unary, study.graph, hard) + vanished(unary, hard)[0]) / len(hard)
         cut = study.bonds * (hard[:, None] != hard[study.graph.neighbors])
         shares = np.bincount(hard, minlength=len(found) + 1)[1:] / len(hard)
         told = sum(price(n) * (2 if parent else 1)

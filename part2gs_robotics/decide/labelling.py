@@ -276,17 +276,23 @@ def energy_of(unary: Unary, graph: Graph, hard: NDArray[np.int64]) -> float:
     return float(energies.sum())
 
 
-def vanished(unary: Unary, hard: NDArray[np.int64]) -> float:
+def vanished(unary: Unary, hard: Labels) -> tuple[float, Labels]:
     """Return what moving parts gain by hiding beyond `HIDES` times what they gain by landing.
 
     A motion is proven by what it lands: to put a thing where nobody can see it explains anything.
+
+    Returns:
+        That gain, all parts together, and labels [N] with what such parts hide left at rest.
     """
     rest, own = (unary.own(label) for label in (np.zeros_like(hard), hard))
     gain = np.maximum(rest - own, 0.0)
     met, miss = unary.target[np.arange(len(hard)), hard], unary.miss[np.arange(len(hard)), hard]
     lands = (met >= 0) & (hard[met] == hard)
-    landed, hidden = (np.bincount(hard, gain * here, unary.match.shape[1])[1:]
-                      for here in (lands, ~lands & (miss < FREE_COST)))
-    return float(np.maximum(hidden - HIDES * landed, 0.0).sum())
+    hides = ~lands & (miss < FREE_COST)
+    landed, hidden = (np.bincount(hard, gain * here, unary.match.shape[1])
+                      for here in (lands, hides))
+    excess = np.maximum(hidden - HIDES * landed, 0.0)
+    excess[0] = 0.0  # what rests gains nothing
+    return float(excess.sum()), np.where(hides & (excess[hard] > 0), 0, hard)
 
 
