@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from part2gs_robotics.model.arrays import Labels
+from part2gs_robotics.model.arrays import F64, Labels
 from part2gs_robotics.model.joint import Joint
 
 STRANGE = 0.05  # the most that a slide saved which no made thing's joint makes was 0.045
@@ -17,13 +17,13 @@ PART = 0.0023
 BORDER = 0.5
 
 
-def price(share: float) -> float:
+def price(share: F64 | float) -> F64:
     """Return what telling of a part costs, in units of `PART`; share: of all surfels, that it has.
 
     Half of it tells of the joint. The rest is the part's border: as much as a half of a small
     part's surfels saves where they were contradicted, at most another half.
     """
-    return float(np.clip(BORDER * share / PART, 0.5, 1.0))
+    return np.clip(BORDER * np.asarray(share, np.float64) / PART, 0.5, 1.0)
 
 
 @dataclass(frozen=True)
@@ -37,7 +37,7 @@ class Scores:
         strange: of all motions together, how surely each is no made thing's, 0..1 each: a turn
             about a line in the air, a motion askew to walls and edges.
         parts: prices of all moving parts, see `price`; a carried one's counts twice, since what
-            carries it must be told as well.
+            carries it must be told as well. And of what hangs on them by nothing seen.
     """
 
     surfels: float

@@ -9,8 +9,7 @@ from part2gs_robotics.decide.candidate import PART, Candidate, on_base
 from part2gs_robotics.decide.judge import Judge
 from part2gs_robotics.decide.leave_out import least, thinned
 from part2gs_robotics.decide.screws import risen
-from part2gs_robotics.decide.split import halved, in_pieces
-from part2gs_robotics.decide.tune_slides import tune
+from part2gs_robotics.decide.split import halved, in_pieces, tune
 from part2gs_robotics.decide.turn_alternatives import calmed, lessened, righted
 from part2gs_robotics.evidence.surfaces import Evidence
 from part2gs_robotics.model.joint import Joint

@@ -9,7 +9,8 @@ from functools import partial
 import numpy as np
 
 from part2gs_robotics.decide.candidate import Candidate, Scores, price
-from part2gs_robotics.decide.labelling import Unary, energy_of, label, unary_costs, vanished
+from part2gs_robotics.decide.labelling import Unary, energy_of, label, unary_costs
+from part2gs_robotics.decide.loose import bodies_of, hanging, hung, vanished
 from part2gs_robotics.decide.made_joints import askew, crooked, square
 from part2gs_robotics.evidence.cross_render import both_cost
 from part2gs_robotics.evidence.landing import unclaimed
@@ -133,10 +134,17 @@ class Judge:
         surfels = (energy_of(unary, study.graph, hard) + vanished(unary, hard)[0]) / len(hard)
         cut = study.bonds * (hard[:, None] != hard[study.graph.neighbors])
         shares = np.bincount(hard, minlength=len(found) + 1)[1:] / len(hard)
-        told = sum(price(n) * (2 if parent else 1)
-                   for n, parent in zip(shares, found.parents, strict=True))
+        body = self._bodies(unary, hard)
+        told = (price(shares) * np.where(found.parents, 2, 1)).sum()
+        told += hung(hanging(hard, body), body)
         return Scores(surfels, 0.0, float(cut.sum(dtype=np.float64)) / len(hard),
-                      self.strange(motions, hard), told)
+                      self.strange(motions, hard), float(told))
+
+    def _bodies(self, unary: Unary, hard: Labels) -> Labels:
+        """Return [N] the body of its part that every moving surfel is in."""
+        met = unary.target[np.arange(len(hard)), hard]
+        met = np.where((met >= 0) & (hard[met] == hard), met, -1)
+        return bodies_of(hard, met, self.study.graph.neighbors, self.study.touching)
 
     def strange(self, motions: Sequence[Joint], hard: Labels) -> float:
         """Return what `Scores.strange` says of all motions together."""

@@ -25,8 +25,6 @@ UNSEEN_MOVES = 0.05
 # Dearer than landing as well at rest: a round post on a hinge's line turns without being seen to.
 MOVES = 0.02
 FOREIGN_COST = 0.35  # a surfel met that another motion carries: two surfaces cannot both become it
-# Gained by hiding, of that by landing: true parts 0.04 to 2.7 (thin ones 1.8 up), false from 3.3.
-HIDES = 3.0
 
 
 @inlined
@@ -274,25 +272,3 @@ def energy_of(unary: Unary, graph: Graph, hard: NDArray[np.int64]) -> float:
     _energies(unary.match, unary.target, unary.miss, unary.everywhere, hard, graph.neighbors,
               graph.weights, energies)
     return float(energies.sum())
-
-
-def vanished(unary: Unary, hard: Labels) -> tuple[float, Labels]:
-    """Return what moving parts gain by hiding beyond `HIDES` times what they gain by landing.
-
-    A motion is proven by what it lands: to put a thing where nobody can see it explains anything.
-
-    Returns:
-        That gain, all parts together, and labels [N] with what such parts hide left at rest.
-    """
-    rest, own = (unary.own(label) for label in (np.zeros_like(hard), hard))
-    gain = np.maximum(rest - own, 0.0)
-    met, miss = unary.target[np.arange(len(hard)), hard], unary.miss[np.arange(len(hard)), hard]
-    lands = (met >= 0) & (hard[met] == hard)
-    hides = ~lands & (miss < FREE_COST)
-    landed, hidden = (np.bincount(hard, gain * here, unary.match.shape[1])
-                      for here in (lands, hides))
-    excess = np.maximum(hidden - HIDES * landed, 0.0)
-    excess[0] = 0.0  # what rests gains nothing
-    return float(excess.sum()), np.where(hides & (excess[hard] > 0), 0, hard)
-
-

@@ -1,7 +1,11 @@
-"""Splitting: sets with two motions in the place of one that hides two parts rather well."""
+"""Splitting: sets with two motions in the place of one that hides two parts rather well.
+
+Tuning: lengths and directions of slides that run beside each other, changed together.
+"""
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Sequence
 from dataclasses import replace
 from itertools import combinations
@@ -10,15 +14,19 @@ import numpy as np
 
 from part2gs_robotics.decide.candidate import Candidate
 from part2gs_robotics.decide.judge import MIN_SURFELS, Judge
-from part2gs_robotics.decide.tune_slides import PARALLEL
+from part2gs_robotics.evidence.study import GAP
 from part2gs_robotics.evidence.surfels import Surfels, apart, at_home
 from part2gs_robotics.model.joint import Joint
-from part2gs_robotics.search.bodies import GAP, connected
+from part2gs_robotics.search.bodies import connected
 from part2gs_robotics.search.refine import misfit, refine
 
+logger = logging.getLogger(__name__)
+PARALLEL = np.deg2rad(12.0)  # rad; drawers side by side run parallel
 MOST_PAIRS = 20  # of each kind tried in the place of each motion; a set takes about 30 ms
 NEAR = 0.005  # of the diagonal: two motions that carry a piece nearer than that are one
 PIECE = 0.15  # of a part's surfels: less is a handle or a patch gone astray
+ROUNDS = 3  # of tuning; the third seldom changes anything
+STEPS = (-0.02, -0.01, -0.005, 0.0, 0.005, 0.01, 0.02)  # of the diagonal, of tuned lengths
 PIECE_STEPS = (-0.04, -0.02, 0.0, 0.02, 0.04)  # of the diagonal: refinement reaches half a step
 
 
@@ -98,3 +106,40 @@ def pieces(h: Joint, own: tuple[Surfels, Surfels], diag: float, least: int,
         if min(len(zero), len(one)) >= least:
             found.append((own[0].select(zero), own[1].select(one)))
     return found
+
+
+def tune(judge: Judge, found: Candidate) -> Candidate:
+    """Return the candidate after every slide tried other lengths and its neighbours' directions.
+
+    Look-alike drawers share surfels while their lengths are wrong, and the lengths stay wrong
+    while they share surfels: both are changed together. One moving part needs none of this.
+    """
+    best = found
+    for _ in range(ROUNDS if len(found) > 1 else 0):
+        before = best.cost
+        for k in range(len(best)):
+            sets = [best.swapped(k, h) for h in _variants(best.motions, k, judge.study.diag)]
+            trial = judge.best_of(sets, 1) if sets else best
+            best = trial if trial.cost < best.cost else best
+        logger.info("tune: cost %.4f, %.4f less", best.cost, before - best.cost)
+        if before - best.cost < 1e-4:  # a tenth of what one wrong surfel in a thousand costs
+            break
+    return best
+
+
+def _variants(motions: Sequence[Joint], k: int, diag: float) -> list[Joint]:
+    own = motions[k]
+    if own.turns:
+        return []
+    ways = [own]
+    for other in motions:
+        cosine = float(other.axis @ own.axis)
+        if other is not own and not other.turns and abs(cosine) > np.cos(PARALLEL):
+            axis = other.axis * np.sign(cosine)
+            if all(float(axis @ known.axis) < 1 - 1e-9 for known in ways):  # parallel: one try
+                ways.append(replace(own, axis=axis, held=other.held))
+    return [
+        replace(way, value=own.value + float(step) * diag)
+        for way in ways
+        for step in STEPS
+    ]

@@ -24,13 +24,15 @@ from part2gs_robotics.evidence.part_edges import Clues, part_edges
 from part2gs_robotics.evidence.segments import Segments, segments_of
 from part2gs_robotics.evidence.surfaces import Evidence
 from part2gs_robotics.evidence.surfels import Surfels
-from part2gs_robotics.model.arrays import F32, F64
+from part2gs_robotics.model.arrays import F32, F64, Mask
 from part2gs_robotics.model.gaussians import Gaussians
 from part2gs_robotics.model.small_views import SmallViews, small_views
 from part2gs_robotics.runtime.side_by_side import side_by_side
 
 MARGIN = 0.05  # of the diagonal: around the object, and from a surfel that a point may land on
 FINE_TAU = 0.015  # of the diagonal: twice the noise of fused depth
+GAP = 0.02  # of the diagonal, two surfels: what lies nearer is one body
+TOUCH = 1.5  # of the farthest neighbour of most: 0.02 of the diagonal, as `GAP`, at any grain
 COARSE_TO_FINE = 1.3, 1.0, 0.7  # of the matching distance: a label's error is let in at first
 
 
@@ -85,6 +87,13 @@ class Study:
         return ways_along(self.surfels, self.graph)
 
     @cached_property
+    def touching(self) -> Mask:
+        """[N0 + N1, k] whether neighbours are of one body, as near as surfels of a surface are."""
+        points = np.concatenate([s.points for s in self.surfels])
+        gaps = np.linalg.norm(points[self.graph.neighbors] - points[:, None], axis=-1)
+        return np.asarray(gaps < TOUCH * np.median(gaps.max(1)))
+
+    @cached_property
     def web(self) -> Web:
         """What neighbours with two labels cost."""
         return web_of(self.graph, self.bonds)
@@ -97,7 +106,7 @@ class Study:
     def looking_at(self, evidence: Evidence) -> Study:
         """Return the study with other evidence; what was gathered once is not gathered again."""
         new = replace(self, evidence=evidence)
-        known = ("straight", "guides", "ways", "web")
+        known = ("straight", "guides", "ways", "web", "touching")
         vars(new).update({name: vars(self)[name] for name in known if name in vars(self)})
         return new
 

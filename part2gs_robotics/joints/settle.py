@@ -18,7 +18,7 @@ from part2gs_robotics.decide.candidate import PART, Candidate
 from part2gs_robotics.decide.claim import claim
 from part2gs_robotics.decide.judge import Judge
 from part2gs_robotics.decide.screws import plain
-from part2gs_robotics.decide.tune_slides import tune
+from part2gs_robotics.decide.split import tune
 from part2gs_robotics.evidence.cross_render import both_cost
 from part2gs_robotics.joints.align import (
     COARSE,

@@ -105,7 +105,7 @@ def test_a_carried_part_must_save_its_price_and_its_carriers(chained, monkeypatc
     alone, both = judge.judge(on_base([DOOR])), both_judged(judge)
     saved = alone.scores.left - both.scores.left
     monkeypatch.setattr("part2gs_robotics.decide.candidate.PART", share * saved / 2)
-    monkeypatch.setattr("part2gs_robotics.decide.candidate.BORDER", np.inf)  # a whole price each
+    monkeypatch.setattr("part2gs_robotics.decide.candidate.BORDER", 1e9)  # a whole price each
     assert hang(judge, alone, None, np.random.default_rng(0)).parents == parents
 
 

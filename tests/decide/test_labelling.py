@@ -9,14 +9,12 @@ import pytest
 
 from part2gs_robotics.decide.labelling import (
     FOREIGN_COST,
-    HIDES,
     NEUTRAL_COST,
     UNSEEN_MOVES,
     Unary,
     energy_of,
     label,
     unary_costs,
-    vanished,
 )
 from part2gs_robotics.evidence.graph import Graph, build_graph, web_of
 from part2gs_robotics.evidence.landing import FREE_COST
@@ -169,26 +167,3 @@ def test_no_exchange_for_one_label_is_cheaper_than_the_one_made(seed):
     _, energy = labelled(unary, graph, start, bonds, [one])
     assert energy == pytest.approx(min(energies), abs=1e-3)  # whole numbers of 2^-14
     assert labelled(unary, graph, start, bonds)[1] <= energy + 1e-3
-
-
-@pytest.mark.parametrize("landing", [0, 1, 3, 9, 12])
-def test_what_a_part_hides_counts_as_far_as_it_lands(landing):
-    """40 surfels seen gone at rest are hidden by a motion; a few more are landed by it."""
-    gone, here = 40, np.arange(landing)
-    match, target = np.zeros((gone + 2 * landing, 2)), np.full((gone + 2 * landing, 2), -1)
-    miss = np.tile([FREE_COST, NEUTRAL_COST], (len(match), 1))
-    target[gone + here, 1], target[gone + landing + here, 1] = gone + landing + here, gone + here
-    target[gone + landing + here, 0] = gone + landing + here  # rest explains half of them as well
-    found, seen = vanished(Unary(match, target, miss), np.ones(len(match), np.int64))
-    saved = FREE_COST - NEUTRAL_COST
-    assert found == pytest.approx(max(gone * saved - HIDES * landing * FREE_COST, 0.0))
-    rests = np.arange(len(match)) < gone
-    np.testing.assert_array_equal(seen, np.where(rests & (found > 0), 0, 1))
-
-
-def test_nothing_vanishes_where_nothing_moves():
-    unary = Unary(np.zeros((5, 1)), np.full((5, 1), -1), np.full((5, 1), FREE_COST))
-    still = np.zeros(5, np.int64)
-    gain, seen = vanished(unary, still)
-    assert gain == 0.0
-    np.testing.assert_array_equal(seen, still)

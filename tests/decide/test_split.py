@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from part2gs_robotics.decide.candidate import on_base
-from part2gs_robotics.decide.split import _parallel, halved, in_pieces
-from part2gs_robotics.decide.tune_slides import tune
+from part2gs_robotics.decide.split import _parallel, halved, in_pieces, tune
 from part2gs_robotics.model.joint import Joint
 
 pytestmark = pytest.mark.usefixtures("one_numba_thread")

@@ -1,0 +1,99 @@
+"""What hangs in the air is told of, and what a part only hides proves nothing."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.spatial import cKDTree
+
+from part2gs_robotics.decide.candidate import BORDER, PART, on_base
+from part2gs_robotics.decide.labelling import NEUTRAL_COST, Unary
+from part2gs_robotics.decide.loose import HIDES, bodies_of, hanging, hung, vanished
+from part2gs_robotics.evidence.landing import FREE_COST
+
+NEAR = 0.25
+
+
+def plates(*places, labels=None):
+    """Return labels, rows of neighbours and which touch, of plates of 100 points at places."""
+    steps = np.linspace(0.0, 1.0, 10)
+    plate = np.stack(np.meshgrid(steps, steps, indexing="ij"), -1).reshape(-1, 2)
+    points = np.concatenate([[*place, 0.0] + np.c_[plate, np.zeros(100)] for place in places])
+    gaps, rows = cKDTree(points).query(points, 9)
+    hard = np.repeat(np.arange(1, len(places) + 1) if labels is None else labels, 100)
+    return hard, rows[:, 1:].astype(np.int32), gaps[:, 1:] < NEAR
+
+
+def bodies(hard, rows, touching, met=None):
+    return bodies_of(hard, np.full(len(hard), -1) if met is None else met, rows, touching)
+
+
+def test_bodies_are_the_connected_pieces_of_every_part():
+    near, apart = (0.0, 1.1), (5.0, 0.0)  # the second is a step beyond the first's edge
+    hard, rows, touching = plates((0.0, 0.0), near, apart, labels=[1, 1, 1])
+    body = bodies(hard, rows, touching)
+    assert (body[:200] == body[0]).all()
+    assert (body[200:] == body[200]).all()
+    assert body[0] != body[200]
+    assert len(np.unique(bodies(np.repeat([1, 2, 1], 100), rows, touching))) == 3
+
+
+def test_what_meets_in_the_other_state_is_one_body():
+    hard, rows, touching = plates((0.0, 0.0), (5.0, 0.0), labels=[1, 1])
+    met = np.full(200, -1)
+    assert hanging(hard, bodies(hard, rows, touching, met)).sum() == 100
+    met[3] = 150
+    assert not hanging(hard, bodies(hard, rows, touching, met)).any()
+
+
+def test_one_body_of_every_part_hangs_on_nothing():
+    """A part of two equal plates has one of them hanging, three parts of a plate each have none."""
+    far = [(0.0, 0.0), (5.0, 0.0), (10.0, 0.0)]
+    one = plates(*far, labels=[1, 1, 2])
+    assert hanging(one[0], bodies(*one)).sum() == 100
+    three = plates(*far)
+    assert not hanging(three[0], bodies(*three)).any()
+    still = plates(*far, labels=[0, 0, 0])
+    assert not hanging(still[0], bodies(*still)).any(), "what rests may be anywhere"
+
+
+@pytest.mark.parametrize(
+    ("share", "told"), [(0.0, 0.0), (0.5, 0.0), (0.75, 0.5), (1.0, 1.0), (9.0, 1.0)]
+)
+def test_a_hanging_body_costs_what_a_part_does_unless_it_is_small(share, told):
+    """Shares of the least body that pays a whole price."""
+    count = 100_000
+    body, loose = np.zeros(count, np.int64), np.arange(count) < round(share * PART / BORDER * count)
+    assert hung(loose, body) == pytest.approx(told, abs=1e-3)
+
+
+def test_two_bodies_in_one_part_are_no_cheaper_than_two_parts(judge, right):
+    """The blocks of two slides, in a state where they do not touch, under one motion."""
+    late = np.arange(len(right.labels)) >= len(judge.study.surfels[0])
+    one = on_base(right.motions[:1])
+    own, both = (np.where(which & ~late, 1, 0) for which in (right.labels == 1, right.labels > 0))
+    assert judge.unseen(one, own).parts == pytest.approx(1.0, abs=0.1)
+    assert judge.unseen(one, both).parts == pytest.approx(2.0, abs=0.1)
+
+
+@pytest.mark.parametrize("landing", [0, 1, 3, 9, 12])
+def test_what_a_part_hides_counts_as_far_as_it_lands(landing):
+    """40 surfels seen gone at rest are hidden by a motion; a few more are landed by it."""
+    gone, here = 40, np.arange(landing)
+    match, target = np.zeros((gone + 2 * landing, 2)), np.full((gone + 2 * landing, 2), -1)
+    miss = np.tile([FREE_COST, NEUTRAL_COST], (len(match), 1))
+    target[gone + here, 1], target[gone + landing + here, 1] = gone + landing + here, gone + here
+    target[gone + landing + here, 0] = gone + landing + here  # rest explains half of them as well
+    found, seen = vanished(Unary(match, target, miss), np.ones(len(match), np.int64))
+    saved = FREE_COST - NEUTRAL_COST
+    assert found == pytest.approx(max(gone * saved - HIDES * landing * FREE_COST, 0.0))
+    rests = np.arange(len(match)) < gone
+    np.testing.assert_array_equal(seen, np.where(rests & (found > 0), 0, 1))
+
+
+def test_nothing_vanishes_where_nothing_moves():
+    unary = Unary(np.zeros((5, 1)), np.full((5, 1), -1), np.full((5, 1), FREE_COST))
+    still = np.zeros(5, np.int64)
+    gain, seen = vanished(unary, still)
+    assert gain == 0.0
+    np.testing.assert_array_equal(seen, still)
