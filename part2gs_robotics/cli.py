@@ -5,21 +5,19 @@ from __future__ import annotations
 import json
 import os
 import shlex
-import signal
 import sys
 import tempfile
 import time
 import traceback
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from types import FrameType
 from typing import TYPE_CHECKING, cast, get_args
 
 from part2gs_robotics import __version__
 from part2gs_robotics.config import Config, resolve
 from part2gs_robotics.errors import ConfigError, Part2GSError
 from part2gs_robotics.flags import ALWAYS, COMMANDS, Call, Format, command_options, parse
+from part2gs_robotics.stop import stoppable
 
 if TYPE_CHECKING:
     from part2gs_robotics.ci import Wishes
@@ -34,47 +32,37 @@ def main(argv: Sequence[str] | None = None) -> int:
         argv: words after the program's name; None = those of this process.
     """
     words = sys.argv[1:] if argv is None else list(argv)
-    try:
-        with _sigterm_as_interrupt():
+    with stoppable() as stopped:
+        try:
             call = parse(words)
             return RUN[call.command](call)
-    except SystemExit as done:  # --help and --version
-        return int(done.code or 0)
-    except Part2GSError as err:
-        sys.stderr.write(f"error: {err}\n")
-        if "--json" in words:
-            sys.stdout.write(json.dumps({"exit_code": BAD_INPUT, "error": str(err)}) + "\n")
-        return BAD_INPUT
-    except KeyboardInterrupt:
-        sys.stderr.write("interrupted; finished stages are kept, the same command continues:\n"
-                         f"  part2gs-robot {shlex.join(words)}\n")
-        return INTERRUPTED
-    except BrokenPipeError:  # the reader of our output went away: nobody is left to tell
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return INTERRUPTED
-    except Exception as err:
-        sys.stderr.write(f"internal error: {type(err).__name__}: {str(err)[:300]}\nThis is a bug "
-                         f"of part2gs-robotics {__version__}, not of the scene. The traceback is "
-                         f"in {_write_traceback()}; please report it with that file.\n")
-        return OUR_BUG
+        except SystemExit as done:  # --help and --version
+            return int(done.code or 0)
+        except Part2GSError as err:
+            sys.stderr.write(f"error: {err}\n")
+            if "--json" in words:
+                sys.stdout.write(json.dumps({"exit_code": BAD_INPUT, "error": str(err)}) + "\n")
+            return BAD_INPUT
+        except BrokenPipeError:  # the reader of our output went away: nobody is left to tell
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+            return INTERRUPTED
+        except KeyboardInterrupt:
+            return _interrupted(words)
+        except Exception as err:
+            return _interrupted(words) if stopped() else _failed(err)
 
 
-@contextmanager
-def _sigterm_as_interrupt() -> Iterator[None]:
-    """Let a polite kill take the way of Ctrl-C: locks and temporary files are cleaned up."""
+def _interrupted(words: Sequence[str]) -> int:
+    sys.stderr.write("interrupted; finished stages are kept, the same command continues:\n"
+                     f"  part2gs-robot {shlex.join(words)}\n")
+    return INTERRUPTED
 
-    def stop(number: int, frame: FrameType | None) -> None:
-        raise KeyboardInterrupt
 
-    try:
-        before = signal.signal(signal.SIGTERM, stop)
-    except ValueError:  # not the main thread: whoever started it owns the signals
-        yield
-        return
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGTERM, before)
+def _failed(err: BaseException) -> int:
+    sys.stderr.write(f"internal error: {type(err).__name__}: {str(err)[:300]}\nThis is a bug "
+                     f"of part2gs-robotics {__version__}, not of the scene. The traceback is "
+                     f"in {_write_traceback()}; please report it with that file.\n")
+    return OUR_BUG
 
 
 def _write_traceback() -> str:

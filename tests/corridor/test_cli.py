@@ -157,6 +157,26 @@ def test_signals_end_with_130(number: signal.Signals) -> None:
     assert "Traceback" not in errors
 
 
+LOST = SLEEPER.replace("time.sleep(60)", """
+    try:
+        time.sleep(60)
+    except KeyboardInterrupt:  # as in a callback from C, where it is lost
+        raise RuntimeError("no compiled object yet")
+""")
+
+
+def test_what_fails_since_it_was_stopped_is_no_bug() -> None:
+    child = subprocess.Popen([sys.executable, "-c", LOST], stdout=subprocess.PIPE,
+                             stderr=subprocess.PIPE, text=True)
+    assert child.stdout is not None
+    assert child.stdout.readline() == "started\n"
+    child.send_signal(signal.SIGTERM)
+    _, errors = child.communicate(timeout=20)
+    assert child.returncode == 130
+    assert "interrupted" in errors
+    assert "internal error" not in errors
+
+
 def test_help_is_fast() -> None:
     times = []
     for _ in range(3):

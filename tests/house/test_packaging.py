@@ -156,7 +156,7 @@ def test_the_sdist_holds_every_room(built: Path) -> None:
 
 def test_the_wheel_holds_one_package_and_the_ros_files(built: Path) -> None:
     (wheel,) = built.glob("*.whl")
-    assert wheel.stat().st_size < 1_000_000  # code and three.js; scenes and pictures are megabytes
+    assert wheel.stat().st_size < 1_100_000  # code and three.js; scenes and pictures are megabytes
     names = zipfile.ZipFile(wheel).namelist()
     tops = {name.partition("/")[0] for name in names}
     release = f"part2gs_robotics-{part2gs_robotics.__version__}"
