@@ -25,6 +25,7 @@ from part2gs_robotics.runtime.jit import kernel, parallel_kernel
 SMOOTHNESS = 0.12  # per neighbour: ten neighbours outvote a neutral surfel, not a clear one
 GRAIN = 2**14  # whole numbers per unit of cost: a surfel's sum stays far below 2^31
 NEIGHBORS = 10  # of the surfel graph: a full ring on a surface sampled by voxels
+TOUCH = 1.5  # of the farthest neighbour of most: 0.02 of the diagonal, two surfels of any size
 THROUGH = 0.0  # cosine of normals: a way goes round an edge, not through a thin wall
 CREASE, FACE = 0.5, 0.9  # cosines between which two neighbours turn from two faces into one
 STEP = 0.004  # of the diagonal: twice what nine of ten surfels seen in both states differ by
@@ -93,6 +94,13 @@ def build_graph(states: tuple[Surfels, Surfels]) -> Graph:
         offset += len(s)
     # Half the memory of 64-bit numbers: a sweep waits for the neighbours' lines.
     return Graph(np.concatenate(ids).astype(np.int32), np.concatenate(weights).astype(np.float32))
+
+
+def touching(states: tuple[Surfels, Surfels], graph: Graph) -> Mask:
+    """Return [N, k] whether neighbours are of one body, as near as surfels of a surface are."""
+    points = np.concatenate([s.points for s in states])
+    gaps = np.linalg.norm(points[graph.neighbors] - points[:, None], axis=-1)
+    return np.asarray(gaps < TOUCH * np.median(gaps.max(1)))
 
 
 def ways_along(states: tuple[Surfels, Surfels], graph: Graph) -> csr_matrix:

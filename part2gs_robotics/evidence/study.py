@@ -16,7 +16,15 @@ from part2gs_robotics.evidence.cross_render import floor_of
 from part2gs_robotics.evidence.depth_maps import DepthMaps
 from part2gs_robotics.evidence.edges import bundled, edge_families
 from part2gs_robotics.evidence.faces import flat_faces
-from part2gs_robotics.evidence.graph import Graph, Web, bonds, build_graph, ways_along, web_of
+from part2gs_robotics.evidence.graph import (
+    Graph,
+    Web,
+    bonds,
+    build_graph,
+    touching,
+    ways_along,
+    web_of,
+)
 from part2gs_robotics.evidence.guides import Guides, guides_of
 from part2gs_robotics.evidence.landing import Landing, build_landing
 from part2gs_robotics.evidence.light import Light
@@ -32,7 +40,6 @@ from part2gs_robotics.runtime.side_by_side import side_by_side
 MARGIN = 0.05  # of the diagonal: around the object, and from a surfel that a point may land on
 FINE_TAU = 0.015  # of the diagonal: twice the noise of fused depth
 GAP = 0.02  # of the diagonal, two surfels: what lies nearer is one body
-TOUCH = 1.5  # of the farthest neighbour of most: 0.02 of the diagonal, as `GAP`, at any grain
 COARSE_TO_FINE = 1.3, 1.0, 0.7  # of the matching distance: a label's error is let in at first
 
 
@@ -88,10 +95,8 @@ class Study:
 
     @cached_property
     def touching(self) -> Mask:
-        """[N0 + N1, k] whether neighbours are of one body, as near as surfels of a surface are."""
-        points = np.concatenate([s.points for s in self.surfels])
-        gaps = np.linalg.norm(points[self.graph.neighbors] - points[:, None], axis=-1)
-        return np.asarray(gaps < TOUCH * np.median(gaps.max(1)))
+        """[N0 + N1, k] whether neighbours are of one body."""
+        return touching(self.surfels, self.graph)
 
     @cached_property
     def web(self) -> Web:
