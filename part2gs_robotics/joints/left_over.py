@@ -22,7 +22,7 @@ from part2gs_robotics.decide.loose import bodies_of, hanging
 from part2gs_robotics.evidence.canonical import Canonical
 from part2gs_robotics.evidence.cross_render import cross_errors, floor_of, shown
 from part2gs_robotics.evidence.depth_maps import observe
-from part2gs_robotics.evidence.graph import ON, Graph, build_graph, seen_in, touching
+from part2gs_robotics.evidence.graph import ON, build_graph, seen_in, touching
 from part2gs_robotics.evidence.light import Light
 from part2gs_robotics.evidence.study import FINE_TAU
 from part2gs_robotics.evidence.surfaces import FREE_TOLERANCE, MIN_VIEWS
@@ -127,26 +127,29 @@ def surface_under(both: Canonical, motion: Motion) -> Surface:
     own, met_there = _of_own_part(both, labels, moves)
     graph = build_graph(seen.surfels)
     errors = side_by_side([partial(_errors, both, motion, state, moves) for state in (0, 1)])
-    hangs = _hangs(hard, np.where(own < FINE_TAU * seen.diag, met_there, -1), graph,
-                   touching(seen.surfels, graph))
+    body = bodies_of(hard, np.where(own < FINE_TAU * seen.diag, met_there, -1), graph.neighbors,
+                     touching(seen.surfels, graph))
+    hangs = _hangs(hard, body, len(labels[0]))
     return Surface(before | free | ((hard > 0) & met), free, hangs, met,
                    (hard > 0) & (own < SHAPE * seen.diag), np.concatenate(errors),
                    graph.neighbors)
 
 
-def _hangs(hard: Labels, met: Labels, graph: Graph, touch: Mask) -> Mask:
+def _hangs(hard: Labels, body: Labels, first: int) -> Mask:
     """Return [N] what is of a body large enough for a part that hangs on another by nothing seen.
+
+    What is seen in one state alone may be held by what the other hides.
 
     Args:
         hard: [N] labels.
-        met: [N] the surfel of the same part that it meets in the other state, -1 = none.
-        graph: neighbours.
-        touch: [N, k] which of them are of one body.
+        body: [N] see `bodies_of`.
+        first: surfels of state 0.
     """
-    body = bodies_of(hard, met, graph.neighbors, touch)
-    loose = hanging(hard, body)
-    sizes = np.bincount(body[loose], minlength=len(hard))
-    return np.asarray(loose & (price(sizes / len(hard)) >= 1.0)[body])
+    loose, late = hanging(hard, body), np.arange(len(hard)) >= first
+    sizes = np.stack([np.bincount(body[loose & here], minlength=len(hard))
+                      for here in (late, ~late)])
+    large = (sizes.min(0) > 0) & (price(sizes.sum(0) / len(hard)) >= 1.0)
+    return np.asarray(loose & large[body])
 
 
 def _labels(both: Canonical, motion: Motion, state: int) -> Labels:
