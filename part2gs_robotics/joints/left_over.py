@@ -17,14 +17,11 @@ from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
-from part2gs_robotics.decide.candidate import price
-from part2gs_robotics.decide.loose import bodies_of, hanging
 from part2gs_robotics.evidence.canonical import Canonical
 from part2gs_robotics.evidence.cross_render import cross_errors, floor_of, shown
 from part2gs_robotics.evidence.depth_maps import observe
-from part2gs_robotics.evidence.graph import ON, build_graph, seen_in, touching
+from part2gs_robotics.evidence.graph import ON, build_graph, seen_in
 from part2gs_robotics.evidence.light import Light
-from part2gs_robotics.evidence.study import FINE_TAU
 from part2gs_robotics.evidence.surfaces import FREE_TOLERANCE, MIN_VIEWS
 from part2gs_robotics.model import se3
 from part2gs_robotics.model.arrays import F64, Labels, Mask
@@ -49,7 +46,6 @@ class Surface:
     Attributes:
         moved: [N] whether it moved, by its part or by what the other state saw in its place.
         contradicted: [N] whether the other state saw its new place empty.
-        hangs: [N] whether it moves with a part that its body touches in neither state.
         agrees: [N] whether the other state saw a surface there.
         shape: [N] whether it moves, and its part is near that place in the other state.
         errors: [N] how wrong photos show its place, 0..1; NaN = no photo does.
@@ -58,7 +54,6 @@ class Surface:
 
     moved: Mask
     contradicted: Mask
-    hangs: Mask
     agrees: Mask
     shape: Mask
     errors: F64
@@ -98,7 +93,7 @@ def sorted_out(surface: Surface) -> tuple[Mask, float]:
     count = np.bincount(number[spots], minlength=len(spots))
     worse, near = (np.bincount(number[spots & m], minlength=len(count)) > 0.5 * count
                    for m in (wrong, surface.shape))
-    bad = (spots & (worse & ~near)[number]) | surface.hangs
+    bad = spots & (worse & ~near)[number]
     chance = float((known > usual).mean()) if len(known) else 0.0
     return bad, LEAST + chance * surface.share(spots & ~bad)
 
@@ -124,32 +119,11 @@ def surface_under(both: Canonical, motion: Motion) -> Surface:
     rows = [_votes(both, state, own, moves) for state, own in enumerate(labels)]
     free, met, before = (np.concatenate([row[i] for row in rows]) for i in range(3))
     hard = np.concatenate(labels)
-    own, met_there = _of_own_part(both, labels, moves)
-    graph = build_graph(seen.surfels)
+    own = _of_own_part(both, labels, moves)
     errors = side_by_side([partial(_errors, both, motion, state, moves) for state in (0, 1)])
-    body = bodies_of(hard, np.where(own < FINE_TAU * seen.diag, met_there, -1), graph.neighbors,
-                     touching(seen.surfels, graph))
-    hangs = _hangs(hard, body, len(labels[0]))
-    return Surface(before | free | ((hard > 0) & met), free, hangs, met,
+    return Surface(before | free | ((hard > 0) & met), free, met,
                    (hard > 0) & (own < SHAPE * seen.diag), np.concatenate(errors),
-                   graph.neighbors)
-
-
-def _hangs(hard: Labels, body: Labels, first: int) -> Mask:
-    """Return [N] what is of a body large enough for a part that hangs on another by nothing seen.
-
-    What is seen in one state alone may be held by what the other hides.
-
-    Args:
-        hard: [N] labels.
-        body: [N] see `bodies_of`.
-        first: surfels of state 0.
-    """
-    loose, late = hanging(hard, body), np.arange(len(hard)) >= first
-    sizes = np.stack([np.bincount(body[loose & here], minlength=len(hard))
-                      for here in (late, ~late)])
-    large = (sizes.min(0) > 0) & (price(sizes.sum(0) / len(hard)) >= 1.0)
-    return np.asarray(loose & large[body])
+                   build_graph(seen.surfels).neighbors)
 
 
 def _labels(both: Canonical, motion: Motion, state: int) -> Labels:
@@ -175,21 +149,16 @@ def _votes(both: Canonical, state: int, labels: Labels, moves: list[F64],
             (old.free >= MIN_VIEWS) & (old.free > 2 * old.surface))
 
 
-def _of_own_part(both: Canonical, labels: list[Labels], moves: list[F64]) -> tuple[F64, Labels]:
-    """Return [N] how far every surfel is from its part in the other state, and the nearest there.
-
-    Infinitely far, and -1, where it is not seen there.
-    """
+def _of_own_part(both: Canonical, labels: list[Labels], moves: list[F64]) -> F64:
+    """Return [N] how far every moved surfel is from its part in the other state; inf without."""
     surfels, out = both.surfaces.surfels, [np.full(len(own), np.inf) for own in labels]
-    rows, first = [np.full(len(own), -1) for own in labels], len(labels[0])
     for state in (0, 1):
         for k, move in enumerate(_there(state, moves)):
-            mine, theirs = labels[state] == k, np.flatnonzero(labels[1 - state] == k)
-            if mine.any() and len(theirs):
+            mine, theirs = labels[state] == k, labels[1 - state] == k
+            if mine.any() and theirs.any():
                 points = se3.apply(move, surfels[state].points[mine])
-                out[state][mine], near = cKDTree(surfels[1 - state].points[theirs]).query(points)
-                rows[state][mine] = theirs[near] + (0 if state else first)
-    return np.concatenate(out), np.concatenate(rows)
+                out[state][mine] = cKDTree(surfels[1 - state].points[theirs]).query(points)[0]
+    return np.concatenate(out)
 
 
 def _errors(both: Canonical, motion: Motion, state: int, moves: list[F64]) -> F64:

@@ -137,15 +137,6 @@ def test_a_joint_that_goes_half_the_way_explains_little(two: tuple[Canonical, Mo
     assert 0.2 < left.share < 0.6
 
 
-def test_two_blocks_are_not_one_part_though_they_move_alike() -> None:
-    """One slide lands both, and nothing that any photo shows holds the second to the first."""
-    both, motion = seen((BASE, *BLOCKS), (SLIDES[0], SLIDES[0]))
-    probs = [np.c_[p[:, 0], p[:, 1] + p[:, 2]] for p in motion.part_probs]
-    as_one = Motion((probs[0], probs[1]), motion.joints[:1], (0,))
-    assert left_over(both, motion).complete
-    assert left_over(both, as_one).share == pytest.approx(0.5, abs=0.05)
-
-
 def test_bodies_are_connected_pieces_of_a_mask() -> None:
     line = np.array([[max(n - 1, 0), min(n + 1, 9)] for n in range(10)], np.int32)
     mask = np.array([1, 1, 1, 0, 0, 1, 1, 0, 1, 1], bool)
@@ -161,8 +152,7 @@ def test_what_a_missing_part_hides_of_the_rest_does_not_hide_the_part(error: flo
     errors = np.repeat([0.01, 0.4, error], [agreeing, hidden, lacking_ones])
     lacks = np.arange(len(errors)) >= agreeing + hidden
     groups = np.arange(len(errors)) // 10 * 10
-    surface = Surface(lacks, lacks, np.zeros(len(errors), bool), ~lacks,
-                      np.zeros(len(errors), bool), errors,
+    surface = Surface(lacks, lacks, ~lacks, np.zeros(len(errors), bool), errors,
                       (groups[:, None] + np.arange(10)).astype(np.int32))
     found, bound = sorted_out(surface)
     np.testing.assert_array_equal(found, lacks & bad)
