@@ -17,8 +17,7 @@ from part2gs_robotics.runtime.jit import inlined, kernel
 
 # Gained by hiding, of that by landing: true parts 0.04 to 2.7 (thin ones 1.8 up), false from 3.3.
 HIDES = 3.0
-# Prices of a body that hangs in the air: at 1.0 two drawers were as dear as one part as they were
-# as two. True motions of 24 of 26 objects leave none that is as large as a part.
+# Of a part's price, for a body in the air: at 1.0 two parts alike were as dear as one of two.
 HELD = 1.5
 
 
