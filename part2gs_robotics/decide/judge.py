@@ -151,12 +151,8 @@ class Judge:
         return float((self.leans(motions, hard) + self.air(motions, hard)).sum())
 
     def leans(self, motions: Sequence[Joint], hard: Labels) -> F64:
-        """Return [K] how surely every motion is one that no made thing's joint makes, 0..1.
-
-        Edges tell better than walls, whose normals are noise where few photos see them.
-        """
-        return np.array([crooked(h, self._square) if len(self._square)
-                         else askew(h, self._normals[hard == k + 1])
+        """Return [K] how surely every motion is one that no made thing's joint makes, 0..1."""
+        return np.array([max(askew(h, self._normals[hard == k + 1]), crooked(h, self._square))
                          for k, h in enumerate(motions)])
 
     def air(self, motions: Sequence[Joint], hard: Labels) -> F64:

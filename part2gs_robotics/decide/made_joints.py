@@ -16,8 +16,8 @@ from part2gs_robotics.model.joint import Joint
 
 WAYS = 200  # directions tried, 8 deg apart at most: fitted normals are not better
 MOST = 400  # normals looked at: their mean is known to 0.02; every set of motions is asked
-# Mean |sin 2 angle| to walls over the best way's: true slides 0 to 0.16, one 0.23; false 0.4, 0.5.
-FREE, FULL = 0.2, 0.4
+# Mean |sin 2 angle| to walls over the best way's: true slides 0 to 0.24 (few photos), false 0.3 up.
+FREE, FULL = 0.25, 0.35
 # rad to the next edge: 63 of 65 joints below 0.1 deg, two 1.2 (benchmarks/edges.py); unaligned 3.
 BESIDE, OFF = np.deg2rad(5.0), np.deg2rad(9.0)
 APART = np.sin(np.deg2rad(30.0))  # edges that meet at less have no sure line across them
