@@ -8,12 +8,13 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import csr_matrix
+from scipy.sparse.csgraph import connected_components
 
 from part2gs_robotics.decide.candidate import price
 from part2gs_robotics.decide.labelling import Unary
 from part2gs_robotics.evidence.landing import FREE_COST
 from part2gs_robotics.model.arrays import Labels, Mask
-from part2gs_robotics.runtime.jit import inlined, kernel
 
 # Gained by hiding, of that by landing: true parts 0.04 to 2.7 (thin ones 1.8 up), false from 3.3.
 HIDES = 3.0
@@ -48,12 +49,13 @@ def hanging(hard: Labels, body: Labels) -> Mask:
         hard: [N] labels; 0 rests.
         body: [N] see `bodies_of`.
     """
-    sizes = np.bincount(body, hard > 0, len(hard))
-    every = np.flatnonzero(sizes)
-    every = every[np.argsort(sizes[every], kind="stable")]
-    largest = np.zeros(int(hard.max(initial=0)) + 1, np.int64)
-    largest[hard[every]] = every  # the last one stays
-    return np.asarray((hard > 0) & (body != largest[hard]))
+    moving = hard > 0
+    sizes, of = np.bincount(body, moving), np.zeros(body.max(initial=-1) + 1, np.int64)
+    of[body[moving]] = hard[moving]
+    largest = np.zeros(of.max(initial=0) + 1, np.int64)
+    order = np.argsort(sizes, kind="stable")
+    largest[of[order]] = order  # the last one stays
+    return np.asarray(moving & (body != largest[hard]))
 
 
 def hung(hanging: Mask, body: Labels) -> float:
@@ -75,38 +77,11 @@ def bodies_of(hard: Labels, met: Labels, neighbors: NDArray[np.int32], touching:
         neighbors: [N, k] rows.
         touching: [N, k] which of them are near enough.
     """
-    body = np.arange(len(hard))
-    _join(hard, met, neighbors, touching, body)
-    return body
-
-
-@inlined
-def _first(body: Labels, i: int) -> int:
-    """Return the number of i's body, and shorten the way there."""
-    while body[i] != i:
-        body[i] = body[body[i]]
-        i = body[i]
-    return i
-
-
-@inlined
-def _link(body: Labels, i: int, j: int) -> None:
-    """Make one of two bodies."""
-    a, b = _first(body, i), _first(body, j)
-    body[max(a, b)] = min(a, b)
-
-
-@kernel
-def _join(hard: Labels, met: Labels, neighbors: NDArray[np.int32], touching: Mask,
-          body: Labels) -> None:
-    """Fill body [N], given with every surfel's own number."""
-    for i in range(len(hard)):
-        if hard[i] == 0:
-            continue
-        for k in range(neighbors.shape[1]):
-            if touching[i, k] and hard[neighbors[i, k]] == hard[i]:
-                _link(body, i, neighbors[i, k])
-        if met[i] >= 0:
-            _link(body, i, met[i])
-    for i in range(len(hard)):
-        body[i] = _first(body, i)
+    here = np.flatnonzero(hard)
+    near = touching[here] & (hard[neighbors[here]] == hard[here, None])
+    meets = here[met[here] >= 0]
+    rows = np.concatenate([np.repeat(here, near.sum(1)), meets])
+    links = csr_matrix((np.ones(len(rows), np.int8),
+                        (rows, np.concatenate([neighbors[here][near], met[meets]]))),
+                       (len(hard), len(hard)))
+    return np.asarray(connected_components(links, directed=False)[1], np.int64)

@@ -14,10 +14,9 @@ import numpy as np
 
 from part2gs_robotics.decide.candidate import Candidate
 from part2gs_robotics.decide.judge import MIN_SURFELS, Judge
-from part2gs_robotics.evidence.study import GAP
 from part2gs_robotics.evidence.surfels import Surfels, apart, at_home
 from part2gs_robotics.model.joint import Joint
-from part2gs_robotics.search.bodies import connected
+from part2gs_robotics.search.bodies import GAP, connected
 from part2gs_robotics.search.refine import misfit, refine
 
 logger = logging.getLogger(__name__)

@@ -39,7 +39,6 @@ from part2gs_robotics.runtime.side_by_side import side_by_side
 
 MARGIN = 0.05  # of the diagonal: around the object, and from a surfel that a point may land on
 FINE_TAU = 0.015  # of the diagonal: twice the noise of fused depth
-GAP = 0.02  # of the diagonal, two surfels: what lies nearer is one body
 COARSE_TO_FINE = 1.3, 1.0, 0.7  # of the matching distance: a label's error is let in at first
 
 

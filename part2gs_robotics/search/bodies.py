@@ -13,7 +13,7 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from part2gs_robotics.evidence.faces import directions
-from part2gs_robotics.evidence.study import FINE_TAU, GAP, Study
+from part2gs_robotics.evidence.study import FINE_TAU, Study
 from part2gs_robotics.evidence.surfels import Surfels
 from part2gs_robotics.model.arrays import F64, Labels
 from part2gs_robotics.model.joint import Joint
@@ -21,6 +21,7 @@ from part2gs_robotics.runtime.side_by_side import side_by_side
 from part2gs_robotics.search.cover import SEARCH_TAU, landings, on_patch
 from part2gs_robotics.search.patches import Aim
 
+GAP = 0.02  # of the diagonal, two surfels: what lies nearer is one body
 LEAST = 15  # surfels: fewer rank no motions
 MOST, PLACES = 4, 6  # bodies of each state, the largest, and places of each: a second in all
 BESIDE = 0.07  # of the diagonal: a hinge passes its part by 0.036 at most, and part of it may hide

@@ -5,9 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from part2gs_robotics.evidence.study import GAP
 from part2gs_robotics.evidence.surfels import Surfels
-from part2gs_robotics.search.bodies import LEAST, MOST, bodies, propose_bodies
+from part2gs_robotics.search.bodies import GAP, LEAST, MOST, bodies, propose_bodies
 
 pytestmark = pytest.mark.usefixtures("one_numba_thread")
 
