@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
 from part2gs_robotics.decide.candidate import BORDER, PART, on_base
-from part2gs_robotics.decide.labelling import NEUTRAL_COST, Unary
-from part2gs_robotics.decide.loose import HELD, HIDES, bodies_of, hanging, hung, vanished
+from part2gs_robotics.decide.labelling import NEUTRAL_COST, Unary, label
+from part2gs_robotics.decide.loose import HELD, HIDES, bodies_of, hanging, hung, proven, vanished
+from part2gs_robotics.evidence.graph import Web
 from part2gs_robotics.evidence.landing import FREE_COST
 
 NEAR = 0.25
@@ -84,8 +87,9 @@ def test_what_a_part_hides_counts_as_far_as_it_lands(landing):
     miss = np.tile([FREE_COST, NEUTRAL_COST], (len(match), 1))
     target[gone + here, 1], target[gone + landing + here, 1] = gone + landing + here, gone + here
     target[gone + landing + here, 0] = gone + landing + here  # rest explains half of them as well
-    found, seen = vanished(Unary(match, target, miss), np.ones(len(match), np.int64))
-    saved = FREE_COST - NEUTRAL_COST
+    excess, seen = vanished(Unary(match, target, miss), np.ones(len(match), np.int64))
+    saved, found = FREE_COST - NEUTRAL_COST, excess.sum()
+    assert excess[0] == 0.0, "what rests"
     assert found == pytest.approx(max(gone * saved - HIDES * landing * FREE_COST, 0.0))
     rests = np.arange(len(match)) < gone
     np.testing.assert_array_equal(seen, np.where(rests & (found > 0), 0, 1))
@@ -95,5 +99,69 @@ def test_nothing_vanishes_where_nothing_moves():
     unary = Unary(np.zeros((5, 1)), np.full((5, 1), -1), np.full((5, 1), FREE_COST))
     still = np.zeros(5, np.int64)
     gain, seen = vanished(unary, still)
-    assert gain == 0.0
+    assert not gain.any()
     np.testing.assert_array_equal(seen, still)
+
+
+def wall(gone, landing):
+    """Return costs of surfels of one state under rest, a motion that hides all, one that lands.
+
+    The first `gone` are seen gone at rest and hidden by motion 1; motion 2 lands all of them on the
+    rest, somewhat off. Motion 1 lands `landing` of them well.
+    """
+    count = 2 * gone
+    match, target = np.zeros((count, 3)), np.full((count, 3), -1)
+    miss = np.tile([FREE_COST, NEUTRAL_COST, FREE_COST], (count, 1))
+    here, there = np.arange(gone), gone + np.arange(gone)
+    target[here, 2], target[there, 2], match[:, 2] = there, here, NEUTRAL_COST + 0.05
+    target[:landing, 1] = there[:landing]
+    target[there, 0] = there
+    return Unary(match, target, miss)
+
+
+@pytest.mark.parametrize("landing", [0, 3, 6])
+def test_at_the_multiplier_of_one_labels_cost_what_they_cost_with_what_vanishes(landing):
+    """What a part that proves too little costs is the same: no bound below is lower."""
+    unary = wall(40, landing)
+    hard = np.ones(80, np.int64)
+    hard[40 + landing:] = 0
+    excess, _ = vanished(unary, hard)
+    assert excess[1] > 0
+    cost = proven(unary, excess > 0).own(hard).sum()
+    assert cost == pytest.approx(unary.own(hard).sum() + excess.sum())
+
+
+def test_labels_go_to_what_lands_them_where_hiding_them_proves_nothing():
+    """A motion hides a wall for less than another lands it; only what vanishes tells them apart."""
+    unary, web = wall(40, 0), no_web(80)
+    hides = label(unary, web, np.zeros(80, np.int64))
+    assert (hides[:40] == 1).all()
+    unproven = vanished(unary, hides)[0] > 0
+    np.testing.assert_array_equal(unproven, [False, True, False])
+    lands = label(proven(unary, unproven), web, np.full(80, 2))
+    assert (lands[:40] == 2).all()
+    assert not vanished(unary, lands)[0].any()
+
+
+def no_web(count):
+    nothing = np.zeros(0, np.int32)
+    return Web(np.zeros(count + 1, np.int32), nothing, nothing, nothing)
+
+
+def test_a_judged_set_is_no_dearer_than_with_the_labels_of_landings_alone(judge, look_alikes):
+    """A slide on its own hides the other block; what it hides beyond proof is given back."""
+    first = look_alikes.truth[0]
+    for motions in ([first], look_alikes.truth, [replace(first, value=0.9)]):
+        found = on_base(motions)
+        alone = judge.sort_out(found).labels
+        assert judge.judge(found).cost <= judge.scores(found, alone).cost + PART
+
+
+def test_a_motion_that_carries_nothing_is_not_the_best_one_more(judge, look_alikes):
+    """None of the others pays beside the truth, so an idle one would cost least."""
+    first, second = look_alikes.truth
+    idle = replace(second, axis=np.array([0.0, 0.0, 1.0]), value=5.0)
+    one = judge.judge(on_base([first]))
+    assert judge._likely(one.plus(idle))[0] == np.inf
+    assert judge._likely(one.plus(second))[0] < np.inf
+    assert judge.best_of([one.plus(idle), one.plus(second)]).motions[1] is second
