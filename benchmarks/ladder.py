@@ -2,11 +2,11 @@
 
     python benchmarks/ladder.py --work FOLDER [FOLDER ...] [--objects NAME ...]
 
-Every FOLDER holds scenes and builds that the benchmark kit's suite made; their fits are used, and
-the motions are searched and decided on anew by this code. Four steps, from the same two fits:
-labels (of the surfels, under the true motions), cost (of the true motions beside other answers),
-search (how near the pool comes to each true motion) and what is decided. Without --work the table
-of docs/ladder.md is made anew from benchmarks/results/ladder.json.
+Every FOLDER holds scenes and builds that the benchmark kit's suite made, of its objects or those of
+solids.py; their fits are used, and the motions are searched and decided on anew by this code. Four
+steps, from the same two fits: labels (of the surfels, under the true motions), cost (of the true
+motions beside other answers), search (how near the pool comes to each true motion) and what is
+decided. Without --work the tables of docs/ladder.md are made anew from results/ladder.json.
 """
 
 from __future__ import annotations
@@ -20,6 +20,7 @@ from typing import Any
 import numpy as np
 from ladder_truth import Known, iou, known, remade
 from reconstruction_suite import git, published
+from solids_more import THINGS
 
 from part2gs_robotics.articulate import found_motions
 from part2gs_robotics.config import ArticulateConfig
@@ -96,7 +97,13 @@ def right(judge: Judge, decided: Candidate, case: Known, true: np.ndarray) -> in
 
 
 def markdown(rows: list[dict[str, Any]]) -> str:
-    """Return the table, and how many objects pass every step."""
+    """Return a table of the kit's objects and one of plain solids, each with what passes."""
+    kit, solids = ([r for r in rows if (r["object"] in THINGS) is own] for own in (False, True))
+    return told(kit) + "\nThings of [plain solids](solids.md):\n\n" + told(solids)
+
+
+def told(rows: list[dict[str, Any]]) -> str:
+    """Return how many objects pass every step, and the table."""
     exact = [r for r in rows if r["right"] == r["decided"] == r["parts"]]
     parts, decided, found = (sum(r[key] for r in rows) for key in ("parts", "decided", "right"))
     lines = [f"{len(exact)} of {len(rows)} objects are decided right, {found} of {parts} parts, "
