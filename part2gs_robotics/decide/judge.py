@@ -103,18 +103,14 @@ class Judge:
         rough = side_by_side([partial(self._likely, s) for s in sets])
         order = sorted(range(len(sets)), key=lambda n: (rough[n][0], n))[:shown]
         judged = side_by_side([partial(self.judge, rough[n][1]) for n in order])
-        return min(zip(order, judged, strict=True),
-                   key=lambda pair: (idle(sets[pair[0]].fresh, pair[1].labels), pair[1].cost))[1]
+        return min(judged, key=lambda c: c.cost)
 
     def _likely(self, found: Candidate) -> tuple[float, Candidate]:
         """Return what a set costs before images see it, and the set with labels so far.
 
-        A few dozen sets must be sorted fast. An idle motion would be cheaper than all that carry
-        something, where none of these pays alone.
+        A few dozen sets must be sorted fast.
         """
         found = self._roughly(found)
-        if idle(found.fresh, found.labels):
-            return np.inf, found
         return self.unseen(found, found.labels).cost, found
 
     def judge(self, found: Candidate) -> Candidate:

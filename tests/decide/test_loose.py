@@ -155,13 +155,3 @@ def test_a_judged_set_is_no_dearer_than_with_the_labels_of_landings_alone(judge,
         found = on_base(motions)
         alone = judge.sort_out(found).labels
         assert judge.judge(found).cost <= judge.scores(found, alone).cost + PART
-
-
-def test_a_motion_that_carries_nothing_is_not_the_best_one_more(judge, look_alikes):
-    """None of the others pays beside the truth, so an idle one would cost least."""
-    first, second = look_alikes.truth
-    idle = replace(second, axis=np.array([0.0, 0.0, 1.0]), value=5.0)
-    one = judge.judge(on_base([first]))
-    assert judge._likely(one.plus(idle))[0] == np.inf
-    assert judge._likely(one.plus(second))[0] < np.inf
-    assert judge.best_of([one.plus(idle), one.plus(second)]).motions[1] is second
