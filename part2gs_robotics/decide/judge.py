@@ -35,10 +35,9 @@ def arm_of(h: Joint, own: tuple[Surfels, Surfels]) -> float:
     return float(gaps.min(initial=np.inf))
 
 
-def idle(parts: Sequence[int], labels: Labels) -> bool:
-    """Return whether any of some parts carries less than a floater."""
-    return bool((np.bincount(labels, minlength=max(parts, default=0) + 1)[list(parts)]
-                 < MIN_SURFELS).any())
+def idle(count: int, labels: Labels) -> bool:
+    """Return whether any of the parts 1..count carries less than a floater."""
+    return bool((np.bincount(labels, minlength=count + 1)[1:] < MIN_SURFELS).any())
 
 
 class Judge:
@@ -129,11 +128,11 @@ class Judge:
 
         A part that they leave idle is only near its place: it keeps what it may be refined on.
         """
-        unary, parts = self._unary(found.motions).resting, range(1, len(found) + 1)
-        asked = np.zeros(unary.match.shape[1], np.bool_)
+        unary, count = self._unary(found.motions).resting, len(found)
+        asked = np.zeros(count + 1, np.bool_)
         while (more := asked | (vanished(unary, hard)[0] > 0)).sum() > asked.sum():
             new, asked = label(proven(unary, more), self.study.web, hard), more
-            if ((idle(parts, new) and not idle(parts, hard))
+            if ((idle(count, new) and not idle(count, hard))
                     or self.unseen(found, new).cost >= self.unseen(found, hard).cost):
                 break
             hard = new

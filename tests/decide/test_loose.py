@@ -3,18 +3,22 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
 from part2gs_robotics.decide.candidate import BORDER, PART, on_base
+from part2gs_robotics.decide.judge import Judge, idle
 from part2gs_robotics.decide.labelling import NEUTRAL_COST, Unary, label
 from part2gs_robotics.decide.loose import HELD, HIDES, bodies_of, hanging, hung, proven, vanished
 from part2gs_robotics.evidence.graph import Web
 from part2gs_robotics.evidence.landing import FREE_COST
+from part2gs_robotics.model.joint import Joint
 
 NEAR = 0.25
+SLIDE = Joint("prismatic", np.array([1.0, 0.0, 0.0]), np.zeros(3), 0.3)
 
 
 def plates(*places, labels=None):
@@ -138,7 +142,7 @@ def test_labels_go_to_what_lands_them_where_hiding_them_proves_nothing():
     assert (hides[:40] == 1).all()
     unproven = vanished(unary, hides)[0] > 0
     np.testing.assert_array_equal(unproven, [False, True, False])
-    lands = label(proven(unary, unproven), web, np.full(80, 2))
+    lands = label(proven(unary, unproven), web, hides)
     assert (lands[:40] == 2).all()
     assert not vanished(unary, lands)[0].any()
 
@@ -148,10 +152,33 @@ def no_web(count):
     return Web(np.zeros(count + 1, np.int32), nothing, nothing, nothing)
 
 
-def test_a_judged_set_is_no_dearer_than_with_the_labels_of_landings_alone(judge, look_alikes):
-    """A slide on its own hides the other block; what it hides beyond proof is given back."""
-    first = look_alikes.truth[0]
-    for motions in ([first], look_alikes.truth, [replace(first, value=0.9)]):
-        found = on_base(motions)
-        alone = judge.sort_out(found).labels
-        assert judge.judge(found).cost <= judge.scores(found, alone).cost + PART
+def test_judged_labels_are_sought_again_where_a_part_hides_too_much():
+    """Motion 1 hides the wall and lands a plate barely; motion 2 lands the wall dearly."""
+    plate, barely = np.arange(30), 0.97
+    match, target = np.zeros((60, 3)), np.full((60, 3), -1)
+    target[plate, 1], target[30 + plate, 1], match[:, 1] = 110 + plate, 80 + plate, barely
+    first = wall(40, 0)
+    unary = Unary(np.concatenate([first.match, match]), np.concatenate([first.target, target]),
+                  np.concatenate([first.miss, np.full((60, 3), FREE_COST)]))
+    judge = SimpleNamespace(_unary=lambda _: unary, study=SimpleNamespace(web=no_web(140)),
+                            unseen=lambda _, hard: SimpleNamespace(cost=whole(unary, hard)))
+    alone = label(unary.resting, no_web(140), np.zeros(140, np.int64))
+    assert (alone[:40] == 1).all()
+    judged = Judge._proven(judge, on_base([SLIDE, SLIDE]), alone)
+    assert (judged[:40] == 2).all()
+    assert (judged[80:] == 1).all()
+    assert whole(unary, judged) < whole(unary, alone)
+
+
+def whole(unary, hard):
+    """Return what labels cost with what vanishes."""
+    return unary.resting.own(hard).sum() + vanished(unary.resting, hard)[0].sum()
+
+
+def test_labels_that_leave_a_part_nothing_to_be_refined_on_are_not_taken(judge, look_alikes):
+    """A slide twice too long hides a block; to rest it is cheaper, and would end its search."""
+    found = on_base([replace(look_alikes.truth[0], value=0.6)])
+    alone = judge.sort_out(found).labels
+    assert vanished(judge._unary(found.motions).resting, alone)[0].any()
+    assert judge.unseen(found, np.zeros_like(alone)).cost < judge.unseen(found, alone).cost
+    assert not idle(1, judge.judge(found).labels)
