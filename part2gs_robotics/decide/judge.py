@@ -10,7 +10,7 @@ import numpy as np
 
 from part2gs_robotics.decide.candidate import Candidate, Scores, price
 from part2gs_robotics.decide.labelling import Unary, energy_of, label, unary_costs
-from part2gs_robotics.decide.loose import bodies_of, hanging, hung, proven, vanished
+from part2gs_robotics.decide.loose import bodies_of, hanging, hung, vanished
 from part2gs_robotics.decide.made_joints import askew, crooked, square
 from part2gs_robotics.evidence.cross_render import both_cost
 from part2gs_robotics.evidence.landing import unclaimed
@@ -33,11 +33,6 @@ def arm_of(h: Joint, own: tuple[Surfels, Surfels]) -> float:
     """Return how far the line of a turn passes its part, scene units; infinite without any part."""
     gaps = np.linalg.norm(np.cross(at_home(h, own) - h.origin, h.axis), axis=1)
     return float(gaps.min(initial=np.inf))
-
-
-def idle(count: int, labels: Labels) -> bool:
-    """Return whether any of the parts 1..count carries less than a floater."""
-    return bool((np.bincount(labels, minlength=count + 1)[1:] < MIN_SURFELS).any())
 
 
 class Judge:
@@ -119,24 +114,9 @@ class Judge:
         """
         key = (*map(id, found.motions), *found.parents)
         if key not in self._judged:
-            hard = self._proven(found, self.sort_out(found).labels)
+            hard = self.sort_out(found).labels
             self._judged[key] = found.motions, hard, self.scores(found, hard)
         return replace(found, labels=self._judged[key][1], judged=self._judged[key][2], fresh=())
-
-    def _proven(self, found: Candidate, hard: Labels) -> Labels:
-        """Return labels whose parts hide no more than they prove, where those are cheaper.
-
-        A part that they leave idle is only near its place: it keeps what it may be refined on.
-        """
-        unary, count = self._unary(found.motions).resting, len(found)
-        asked = np.zeros(count + 1, np.bool_)
-        while (more := asked | (vanished(unary, hard)[0] > 0)).sum() > asked.sum():
-            new, asked = label(proven(unary, more), self.study.web, hard), more
-            if ((idle(count, new) and not idle(count, hard))
-                    or self.unseen(found, new).cost >= self.unseen(found, hard).cost):
-                break
-            hard = new
-        return hard
 
     def scores(self, found: Candidate, hard: Labels) -> Scores:
         """Return what surfels and photos say of a set of motions under given labels."""
@@ -151,7 +131,7 @@ class Judge:
         """Return the scores of a set under given labels without its images."""
         motions, study = found.motions, self.study
         unary = self._unary(motions).resting
-        surfels = (energy_of(unary, study.graph, hard) + vanished(unary, hard)[0].sum()) / len(hard)
+        surfels = (energy_of(unary, study.graph, hard) + vanished(unary, hard)[0]) / len(hard)
         cut = study.bonds * (hard[:, None] != hard[study.graph.neighbors])
         shares = np.bincount(hard, minlength=len(found) + 1)[1:] / len(hard)
         body = self._bodies(unary, hard)

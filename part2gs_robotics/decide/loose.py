@@ -6,8 +6,6 @@ no simpler than two parts, and to put a thing where nobody can see it explains a
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
@@ -16,7 +14,7 @@ from scipy.sparse.csgraph import connected_components
 from part2gs_robotics.decide.candidate import price
 from part2gs_robotics.decide.labelling import Unary
 from part2gs_robotics.evidence.landing import FREE_COST
-from part2gs_robotics.model.arrays import F64, Labels, Mask
+from part2gs_robotics.model.arrays import Labels, Mask
 
 # Gained by hiding, of that by landing: true parts 0.04 to 2.7 (thin ones 1.8 up), false from 3.3.
 HIDES = 3.0
@@ -24,13 +22,13 @@ HIDES = 3.0
 HELD = 1.5
 
 
-def vanished(unary: Unary, hard: Labels) -> tuple[F64, Labels]:
+def vanished(unary: Unary, hard: Labels) -> tuple[float, Labels]:
     """Return what moving parts gain by hiding beyond `HIDES` times what they gain by landing.
 
     A motion is proven by what it lands: to put a thing where nobody can see it explains anything.
 
     Returns:
-        [L] that gain of every label, and labels [N] with what such parts hide left at rest.
+        That gain, all parts together, and labels [N] with what such parts hide left at rest.
     """
     rest, own = (unary.own(label) for label in (np.zeros_like(hard), hard))
     gain = np.maximum(rest - own, 0.0)
@@ -41,27 +39,7 @@ def vanished(unary: Unary, hard: Labels) -> tuple[F64, Labels]:
                       for here in (lands, hides))
     excess = np.maximum(hidden - HIDES * landed, 0.0)
     excess[0] = 0.0  # what rests gains nothing
-    return excess, np.where(hides & (excess[hard] > 0), 0, hard)
-
-
-def proven(unary: Unary, unproven: Mask) -> Unary:
-    """Return costs whose cheapest labels gain by hiding no more than landing proves, if any do.
-
-    Labels alone know nothing of `vanished`, which is of a part as a whole. It is the most that
-    0..1 times (hidden - `HIDES` landed) can be; at 1, what hides gains nothing, and what lands
-    gains so much more (a Lagrange multiplier).
-
-    Args:
-        unary: landing of every surfel under every motion.
-        unproven: [L] labels that `vanished` finds.
-    """
-    match, miss = unary.match.copy(), unary.miss.copy()
-    rest = unary.own(np.zeros(len(match), np.int64))
-    for k in np.flatnonzero(unproven):
-        met, hides = unary.target[:, k] >= 0, miss[:, k] < FREE_COST
-        match[:, k] -= HIDES * np.where(met, np.maximum(rest - match[:, k], 0.0), 0.0)
-        miss[:, k] += np.where(hides, np.maximum(rest - miss[:, k], 0.0), 0.0)
-    return replace(unary, match=match, miss=miss)
+    return float(excess.sum()), np.where(hides & (excess[hard] > 0), 0, hard)
 
 
 def hanging(hard: Labels, body: Labels) -> Mask:
