@@ -20,6 +20,7 @@ from typing import Any
 import numpy as np
 from ladder_truth import Known, iou, known, remade
 from reconstruction_suite import git, published
+from simulators import OBJECTS
 from solids_more import THINGS
 
 from part2gs_robotics.articulate import found_motions
@@ -97,9 +98,11 @@ def right(judge: Judge, decided: Candidate, case: Known, true: np.ndarray) -> in
 
 
 def markdown(rows: list[dict[str, Any]]) -> str:
-    """Return a table of the kit's objects and one of plain solids, each with what passes."""
-    kit, solids = ([r for r in rows if (r["object"] in THINGS) is own] for own in (False, True))
-    return told(kit) + "\nThings of [plain solids](solids.md):\n\n" + told(solids)
+    """Return a table of the kit's objects, of plain solids and of simulators' objects."""
+    solids, simulated = ([r for r in rows if r["object"] in own] for own in (THINGS, OBJECTS))
+    kit = [r for r in rows if r["object"] not in {*THINGS, *OBJECTS}]
+    return (f"{told(kit)}\nThings of [plain solids](solids.md):\n\n{told(solids)}\nObjects out of "
+            f"[two simulators](simulators.md):\n\n{told(simulated)}")
 
 
 def told(rows: list[dict[str, Any]]) -> str:

@@ -39,14 +39,18 @@ class Cells:
 
 
 def cells_of(grid: Grid, families: tuple[Family, ...]) -> Cells:
-    """Return the cells that planes cut a grid's box into."""
+    """Return the cells that planes cut a grid's box into, in the order of their digits."""
     axes = [grid.lo[i] + grid.voxel * np.arange(n) for i, n in enumerate(grid.shape)]
-    bases = [len(f.offsets) + 1 for f in families]
-    code = np.zeros(grid.shape, np.int64)
-    for family, base in zip(families, bases, strict=True):
+    of_voxel, digits = np.zeros(grid.shape, np.int32), np.zeros((1, 0), np.int64)
+    for family in families:
         x, y, z = (n * axis for n, axis in zip(family.normal, axes, strict=True))
         levels = x[:, None, None] + y[None, :, None] + z[None, None, :]
-        code = code * base + np.searchsorted(family.offsets, levels)
-    used, of_voxel = np.unique(code, return_inverse=True)
-    digits = np.stack(np.unravel_index(used, bases), 1) if bases else np.zeros((1, 0), np.int64)
-    return Cells(grid, families, of_voxel.reshape(grid.shape).astype(np.int32), digits)
+        base = len(family.offsets) + 1
+        code = of_voxel * base + np.searchsorted(family.offsets, levels)
+        held = np.zeros(len(digits) * base, bool)
+        held[code.ravel()] = True
+        used = np.flatnonzero(held)
+        # Renumbered at once: codes of all families together would have to be sorted.
+        of_voxel = (np.cumsum(held, dtype=np.int32) - 1)[code]
+        digits = np.concatenate([digits[used // base], (used % base)[:, None]], 1)
+    return Cells(grid, families, of_voxel, digits)

@@ -44,6 +44,7 @@ ENCLOSED = 0.1  # belief per voxel that nearly every view says is inside a part,
 REST = 0.02  # the same of what nobody saw of the base: walls rather stand than hang
 PLAIN = 0.07  # voxels that simplifying may move a surface: two keep to the 0.15 between parts
 ROOM = 0.5  # voxels kept free round what moves
+GAP = 3  # voxels: where surfaces only touch, layers of one or two are taken
 FILLINGS = 6  # times that rays which nothing stops raise what stopping them is worth
 STEPS = 0.5  # voxels: a stair of steps one cell high, a slope to the planes, lies within
 SAME = np.cos(np.deg2rad(1.5))  # directions of edges that are one
@@ -65,8 +66,11 @@ def edge_directions(scene: Scene, place: Place) -> list[F64]:
 
 
 def board_surfaces(place: Place, evidence: Sequence[Fused], wholes: Sequence[Solid],
-                   maps: Sequence[PartMaps], edges: Sequence[F64]) -> list[Manifold]:
-    """Return the closed surfaces of all parts as solids of flat faces, base first.
+                   maps: Sequence[PartMaps], edges: Sequence[F64],
+                   ) -> tuple[list[Manifold], list[float]]:
+    """Return the closed surfaces of all parts as solids of flat faces, base first, and yields.
+
+    Yields are what `yielded` says of every part.
 
     Args:
         place: joints, and the part that carries each.
@@ -78,7 +82,7 @@ def board_surfaces(place: Place, evidence: Sequence[Fused], wholes: Sequence[Sol
     Raises:
         MeshError: a part has no closed surface.
     """
-    boards, smooth = _cut_out(place, evidence, wholes, edges)
+    boards, smooth, yields = _cut_out(place, evidence, wholes, edges)
     worth = [np.zeros(board.cells.grid.shape) for board in boards]
     for _ in range(FILLINGS):
         more = unstopped(boards, place, maps)
@@ -99,7 +103,19 @@ def board_surfaces(place: Place, evidence: Sequence[Fused], wholes: Sequence[Sol
     pieces = [moved_pieces(board.pieces, bend) for board, bend in zip(boards, bends, strict=True)]
     apart = all_apart(surfaces, pieces, place, voxel)
     apart = without_rubs(shut(apart, pieces, place, maps, voxel), pieces, place, maps, voxel)
-    return [_simpler(surface, PLAIN * voxel, voxel) for surface in apart]
+    return [_simpler(surface, PLAIN * voxel, voxel) for surface in apart], yields
+
+
+def yielded(inside: Mask, taken: Mask) -> float:
+    """Return the share of a solid's volume that others take which is more than a gap.
+
+    Args:
+        inside: [X, Y, Z] voxels of the solid.
+        taken: [X, Y, Z] where others are, or come by.
+    """
+    from scipy.ndimage import binary_opening
+
+    return float(binary_opening(inside & taken, np.ones(3 * (GAP,))).sum() / max(inside.sum(), 1))
 
 
 def _simpler(surface: Manifold, moved: float, voxel: float) -> Manifold:
@@ -128,17 +144,20 @@ def _closed(board: BoardSolid, smooth: Manifold, part: int) -> Manifold:
 
 
 def _cut_out(place: Place, evidence: Sequence[Fused], wholes: Sequence[Solid],
-             edges: Sequence[F64]) -> tuple[list[BoardSolid], list[tuple[Manifold, F32]]]:
+             edges: Sequence[F64],
+             ) -> tuple[list[BoardSolid], list[tuple[Manifold, F32]], list[float]]:
     """Return solids of flat faces of all parts, none where another comes by.
 
-    With each, the noisy surface of the same part and the values of its grid.
+    With each, the noisy surface of the same part and the values of its grid, and what it yields.
     """
     found: dict[int, BoardSolid] = {}
     bodies: dict[int, Solid] = {}
     smooth: dict[int, tuple[Manifold, F32]] = {}
+    yields: dict[int, float] = {}
     for k in (*range(1, place.count), 0):
         belief, solid = belief_of(evidence[k], k == 0), wholes[k]
         taken = _taken(k, bodies, place, solid)
+        yields[k] = yielded(solid.values > 0, taken)
         if taken.any():
             belief = replace(belief, inside=np.where(taken, np.float32(-1), belief.inside))
             away = np.where(taken, np.minimum(solid.values, np.float32(-1)), solid.values)
@@ -152,7 +171,8 @@ def _cut_out(place: Place, evidence: Sequence[Fused], wholes: Sequence[Solid],
                         100 * board.flat)
             board = replace(board, whole=noisy, pieces=[])
         found[k] = board
-    return [found[k] for k in range(place.count)], [smooth[k] for k in range(place.count)]
+    order = range(place.count)
+    return [found[k] for k in order], [smooth[k] for k in order], [yields[k] for k in order]
 
 
 def belief_of(fused: Fused, base: bool) -> Belief:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING
 
@@ -11,7 +12,7 @@ from numpy.typing import NDArray
 from part2gs_robotics.config import MeshConfig
 from part2gs_robotics.errors import EmptyPartError
 from part2gs_robotics.evidence.depth_maps import observe
-from part2gs_robotics.mesh.board_parts import board_surfaces, edge_directions
+from part2gs_robotics.mesh.board_parts import board_surfaces, edge_directions, yielded
 from part2gs_robotics.mesh.surface import closed_surface
 from part2gs_robotics.model.arrays import F64
 from part2gs_robotics.model.gaussians import Gaussians
@@ -78,15 +79,19 @@ def build_parts(scene: Scene, gaussians: tuple[Gaussians, Gaussians], motion: Mo
                 "views, or lower --parts if the part does not exist.", k)
     require_room(solids, wholes, place)
     if config.flat_walls:
-        surfaces = board_surfaces(place, evidence, wholes, maps, edge_directions(scene, place))
+        surfaces, yields = board_surfaces(place, evidence, wholes, maps,
+                                          edge_directions(scene, place))
     else:
         solids[0] = carved_base(solids, evidence, place, config.clearance_voxels)
         surfaces = [closed_surface(s, part_name(k), config.clearance_voxels)
                     for k, s in enumerate(solids)]
+        yields = [yielded(old.values > 0, new.values <= 0)
+                  for new, old in zip(solids, wholes, strict=True)]
     surfaces = _apart(surfaces, place, grid.voxel)
     finish = [partial(_part, k, surface, place, maps, grid.voxel, motion, config.convex)
               for k, surface in enumerate(surfaces)]
-    return tuple(side_by_side(finish))
+    return tuple(replace(part, diagnostics={**part.diagnostics, "yielded": share})
+                 for part, share in zip(side_by_side(finish), yields, strict=True))
 
 
 def part_name(part: int) -> str:

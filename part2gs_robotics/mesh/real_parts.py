@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +17,7 @@ from part2gs_robotics.model.scene import Scene
 from part2gs_robotics.model.twin import Part
 
 logger = logging.getLogger(__name__)
+TOLD = 5e-4  # of a part's volume: rounds to 0.1 %
 CRUMB = 0.25  # of its Gaussians' extent: 96 solids have 0.54 at least, a reflection's had 0.03
 
 
@@ -36,11 +38,19 @@ def build_existing(scene: Scene, gaussians: tuple[Gaussians, Gaussians], motion:
         try:
             parts = build_parts(scene, gaussians, motion, config)
             require_bodies(parts, gaussians, motion)
-            return motion, parts
+            return replace(motion, notes=(*motion.notes, *_yielded(parts))), parts
         except EmptyPartError as err:
             if err.part == 0:
                 raise
             motion = _without(motion, err.part, str(err))
+
+
+def _yielded(parts: tuple[Part, ...]) -> list[str]:
+    """Return a note of what was cut away for parts to move as they were observed to."""
+    told = [f"{100 * share:.1f} % of {part.name}" for part in parts
+            if (share := part.diagnostics["yielded"]) >= TOLD]
+    return [f"In the way of motion that was observed, and cut away: {', '.join(told)}, by volume."
+            ] if told else []
 
 
 def _without(motion: Motion, part: int, why: str) -> Motion:

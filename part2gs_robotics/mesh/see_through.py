@@ -94,16 +94,13 @@ def torn(before: Sequence[Manifold], after: Sequence[Manifold], place: Place,
         maps: depth and part of every pixel, per state.
         voxel: size of the grid's cells, scene units.
     """
-    from scipy.ndimage import binary_erosion
-
     for s in (0, 1):
         poses = [place.state1_from_0[k] if s else np.eye(4) for k in range(place.count)]
         old, new = (drawn([arrays(one) for one in surfaces], poses, maps[s].maps, voxel)
                     for surfaces in (before, after))
         solid = maps[s].maps.alphas >= SOLID
         through = solid & np.isfinite(old) & np.isinf(new)
-        if through.sum() > TORN * solid.sum() or any(
-                binary_erosion(one, np.ones((2 * RIM + 1,) * 2)).any() for one in through):
+        if through.sum() > TORN * solid.sum() or any(_within(one).any() for one in through):
             return True
     return False
 
@@ -130,13 +127,20 @@ def drawn(meshes: Sequence[tuple[F64, I64]], poses: Sequence[F64], maps: DepthMa
 
 def _holes(maps: PartMaps, drawn: F32, view: int, part: int, beyond: float) -> Mask:
     """Return [H, W] pixels of a part whose rays go on behind its fitted surface."""
-    from scipy.ndimage import binary_erosion
-
     fitted = maps.maps.depths[view]
     through = (fitted > 0) & (np.isinf(drawn) if np.isinf(beyond) else drawn > fitted + beyond)
-    if RIM and through.any():
-        through = binary_erosion(through, np.ones((2 * RIM + 1,) * 2))
-    return np.asarray(through & (maps.labels[view] == part))
+    return np.asarray(_within(through) & (maps.labels[view] == part))
+
+
+def _within(mask: Mask) -> Mask:
+    """Return a mask [H, W] without its rim; what is beyond the image counts as outside."""
+    import cv2
+
+    if not mask.any():
+        return mask
+    square = np.ones((2 * RIM + 1,) * 2, np.uint8)
+    return np.asarray(cv2.erode(mask.astype(np.uint8), square, borderType=cv2.BORDER_CONSTANT,
+                                borderValue=0) > 0)
 
 
 def _samples(maps: PartMaps, view: int, holes: Mask, voxel: float) -> tuple[F64, F64]:

@@ -56,7 +56,8 @@ class Part:
             assumed (set by hand).
         num_gaussians: Gaussians of both states that carry this identity.
         diagnostics: losses and residuals of the optimiser for this part (contact_loss,
-            vector_field_loss, motion_residual, ...), reported beside the measured overlap.
+            vector_field_loss, motion_residual, ...), reported beside the measured overlap; and
+            `yielded`, the share of its volume cut away where others pass.
     """
 
     name: str
