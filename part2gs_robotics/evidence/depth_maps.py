@@ -15,6 +15,7 @@ from part2gs_robotics.runtime.jit import kernel, parallel_kernel
 
 BACKGROUND_ALPHA = 0.1  # below: nothing there; 0.1..0.5 are mixed edge pixels that vote for nothing
 SOLID_ALPHA = 0.5  # a pixel at least half covered has a first surface, less is an edge
+PANE = 5  # pixels: rims of outlines, mixed of near and far, are narrower
 CHUNK = 2048  # points per task: one view's depth map stays in the core's cache meanwhile
 
 
@@ -133,11 +134,17 @@ def observe(points: NDArray[np.floating], maps: DepthMaps, tolerance: float) -> 
     return Observation(free, surface, hidden, outside)
 
 
-def render_depth_maps(gaussians: Gaussians, state: StateViews) -> DepthMaps:
+def render_depth_maps(gaussians: Gaussians, state: StateViews, deep: float) -> DepthMaps:
     """Return the first-surface depth of Gaussians in every view of a state.
 
     Depth is the median depth where at least half of the light is stopped and the image's own mask
-    agrees; masks come from the images, so background stays exactly what the photos say.
+    agrees; masks come from the images, so background stays exactly what the photos say. Where light
+    is stopped in places far apart, as by a pane and by what it shows, no surface is the first.
+
+    Args:
+        gaussians: of the state.
+        state: its photos.
+        deep: from the median to the mean depth, scene units: further apart, nothing is known.
     """
     from part2gs_robotics.render.dispatch import render
 
@@ -146,5 +153,15 @@ def render_depth_maps(gaussians: Gaussians, state: StateViews) -> DepthMaps:
     for v in range(len(state)):
         seen = render(splats, state.camera(v))
         solid = (seen.alpha > SOLID_ALPHA) & (state.alphas[v] > SOLID_ALPHA * 255)
+        mean = seen.depth / np.maximum(seen.alpha, SOLID_ALPHA)
+        solid &= ~_areas(np.abs(mean - seen.median_depth) > deep)
         depths[v] = np.where(solid, seen.median_depth, 0.0)
     return DepthMaps(depths, state.alphas, state.Ks, state.viewmats)
+
+
+def _areas(mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Return what of a mask [H, W] is wider than a rim."""
+    import cv2
+
+    square = np.ones((PANE, PANE), np.uint8)
+    return np.asarray(cv2.morphologyEx(mask.astype(np.uint8), cv2.MORPH_OPEN, square) > 0)

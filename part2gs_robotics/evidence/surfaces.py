@@ -79,11 +79,11 @@ def surfaces_of(scene: Scene, gaussians: tuple[Gaussians, Gaussians], size: floa
     Raises:
         FitError: a state's Gaussians show no surface.
     """
-    maps = (
-        render_depth_maps(gaussians[0], scene.states[0]),
-        render_depth_maps(gaussians[1], scene.states[1]),
-    )
     rough = _rough_diagonal(gaussians)
+    maps = (
+        render_depth_maps(gaussians[0], scene.states[0], FREE_TOLERANCE * rough),
+        render_depth_maps(gaussians[1], scene.states[1], FREE_TOLERANCE * rough),
+    )
     painted = side_by_side([partial(_own_surface, maps[s], scene.states[s].images, rough, size)
                             for s in (0, 1)])
     _require_surface(painted[0].points, painted[1].points)

@@ -54,7 +54,7 @@ def test_a_drawer_and_a_door_are_found(toy):
     assert np.linalg.norm(arm) < 0.02
     labels = toy.gaussians_of([base, toy.Box(*block, 2), toy.Box(*door, 3)], 0.02)[1]
     order = [0, *(1 + [j.kind for j in motion.joints].index(k) for k in ("prismatic", "revolute"))]
-    maps = render_depth_maps(gaussians[0], scene.states[0])
+    maps = render_depth_maps(gaussians[0], scene.states[0], np.inf)
     seen = observe(gaussians[0].means, maps, 0.01).surface > 2  # no photo shows faces that touch
     assert seen.mean() > 0.6
     assert (motion.labels(0) == np.array(order)[labels])[seen].mean() > 0.95

@@ -1,7 +1,9 @@
 import numpy as np
 import pytest
 
-from part2gs_robotics.evidence.depth_maps import DepthMaps, observe
+from part2gs_robotics.evidence.depth_maps import DepthMaps, observe, render_depth_maps
+from part2gs_robotics.model.gaussians import Gaussians
+from part2gs_robotics.model.scene import StateViews
 
 SIZE, FOCAL, DISTANCE = 64, 80.0, 2.0
 
@@ -70,3 +72,47 @@ def test_observation_does_not_depend_on_the_world_frame():
 def test_background_is_free_at_any_tolerance():
     seen = observe(POINTS[:4], wall_maps(), np.inf)
     assert seen.outside.tolist() == [0, 0, 0, 3]
+
+
+def flat(x, y, z, opacity) -> Gaussians:
+    """Small discs over a rectangle, as opaque together as one of them is in its middle."""
+    place = np.stack(np.meshgrid(np.arange(*x, 0.02), np.arange(*y, 0.02)), -1).reshape(-1, 2)
+    n = len(place)
+    scales = np.log(np.tile([0.012, 0.012, 0.001], (n, 1)))
+    return Gaussians(np.column_stack([place, np.full(n, z)]).astype(np.float32),
+                     np.tile(np.array([1, 0, 0, 0], np.float32), (n, 1)),
+                     scales.astype(np.float32),
+                     np.full(n, np.log(opacity / (1 - opacity)), np.float32),
+                     np.zeros((n, 3), np.float32), np.zeros((n, 0, 3), np.float32))
+
+
+def drawn(*layers: Gaussians) -> np.ndarray:
+    """The depth map of layers, seen from DISTANCE before z = 0; every pixel is the object's."""
+    names = ("means", "quats", "log_scales", "logit_opacities", "sh0", "shN")
+    one = Gaussians(*(np.concatenate([getattr(g, name) for g in layers]) for name in names))
+    maps = wall_maps(views=1)
+    solid = np.full((1, SIZE, SIZE), 255, np.uint8)
+    views = StateViews(np.zeros((1, SIZE, SIZE, 3), np.uint8), solid, maps.Ks, maps.viewmats, None,
+                       ("a",), np.zeros(1, bool))
+    return render_depth_maps(one, views, 0.05).depths[0]
+
+
+WALL = flat((-0.7, 0.7), (-0.7, 0.7), 0.0, 0.95)
+
+
+def test_what_is_seen_through_a_pane_has_no_first_surface():
+    there = slice(SIZE // 2 - 8, SIZE // 2 + 8)
+    for opacity in (0.1, 0.3):  # of every disc; about three cover a pixel
+        depth = drawn(flat((-0.3, 0.3), (-0.3, 0.3), -0.5, opacity), WALL)
+        assert (depth[there, there] == 0).all()
+        np.testing.assert_allclose(depth[7:13, there], DISTANCE, atol=0.02)  # beside the pane
+    np.testing.assert_allclose(drawn(WALL)[there, there], DISTANCE, atol=0.02)
+    board = drawn(flat((-0.3, 0.3), (-0.3, 0.3), -0.5, 0.95), WALL)
+    np.testing.assert_allclose(board[there, there], DISTANCE - 0.5, atol=0.02)
+
+
+def test_rims_of_outlines_keep_their_depth():
+    """A board before a wall: its rim is mixed of both, three pixels wide."""
+    depth = drawn(flat((-0.3, 0.3), (-0.3, 0.3), -0.5, 0.95), WALL)
+    inner = depth[7:-7, 7:-7]
+    assert (inner > 0).all()
