@@ -15,6 +15,7 @@ from part2gs_robotics.runtime.jit import kernel, parallel_kernel
 
 BACKGROUND_ALPHA = 0.1  # below: nothing there; 0.1..0.5 are mixed edge pixels that vote for nothing
 SOLID_ALPHA = 0.5  # a pixel at least half covered has a first surface, less is an edge
+ROUGH = 3.0  # times the median of a state: a rough fit is that deep everywhere, a pane is not
 PANE = 5  # pixels: rims of outlines, mixed of near and far, are narrower
 CHUNK = 2048  # points per task: one view's depth map stays in the core's cache meanwhile
 
@@ -144,18 +145,23 @@ def render_depth_maps(gaussians: Gaussians, state: StateViews, deep: float) -> D
     Args:
         gaussians: of the state.
         state: its photos.
-        deep: from the median to the mean depth, scene units: further apart, nothing is known.
+        deep: from the median to the mean depth, scene units: further apart, and by more than most
+            of a rough fit is, nothing is known.
     """
     from part2gs_robotics.render.dispatch import render
 
-    depths = np.zeros(state.alphas.shape, np.float32)
+    depths, apart = np.zeros((2, *state.alphas.shape), np.float32)
     splats = gaussians.splats
     for v in range(len(state)):
         seen = render(splats, state.camera(v))
         solid = (seen.alpha > SOLID_ALPHA) & (state.alphas[v] > SOLID_ALPHA * 255)
         mean = seen.depth / np.maximum(seen.alpha, SOLID_ALPHA)
-        solid &= ~_areas(np.abs(mean - seen.median_depth) > deep)
         depths[v] = np.where(solid, seen.median_depth, 0.0)
+        apart[v] = np.where(solid, np.abs(mean - seen.median_depth), 0.0)
+    if (depths > 0).any():
+        deep = max(deep, ROUGH * float(np.median(apart[depths > 0])))
+    for v, depth in enumerate(depths):
+        depth[_areas(apart[v] > deep)] = 0.0
     return DepthMaps(depths, state.alphas, state.Ks, state.viewmats)
 
 

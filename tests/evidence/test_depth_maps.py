@@ -116,3 +116,9 @@ def test_rims_of_outlines_keep_their_depth():
     depth = drawn(flat((-0.3, 0.3), (-0.3, 0.3), -0.5, 0.95), WALL)
     inner = depth[7:-7, 7:-7]
     assert (inner > 0).all()
+
+
+def test_a_rough_fit_keeps_its_surface():
+    """Every ray is stopped in two places far apart: that is noise of the fit, no pane."""
+    depth = drawn(flat((-0.7, 0.7), (-0.7, 0.7), -0.2, 0.3), WALL)
+    assert (depth[8:-8, 8:-8] > 0).all()
