@@ -150,7 +150,7 @@ def render_depth_maps(gaussians: Gaussians, state: StateViews, deep: float) -> D
     """
     from part2gs_robotics.render.dispatch import render
 
-    depths, apart = np.zeros((2, *state.alphas.shape), np.float32)
+    depths, apart = (np.zeros(state.alphas.shape, np.float32) for _ in range(2))
     splats = gaussians.splats
     for v in range(len(state)):
         seen = render(splats, state.camera(v))

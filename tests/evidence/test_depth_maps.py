@@ -120,5 +120,5 @@ def test_rims_of_outlines_keep_their_depth():
 
 def test_a_rough_fit_keeps_its_surface():
     """Every ray is stopped in two places far apart: that is noise of the fit, no pane."""
-    depth = drawn(flat((-0.7, 0.7), (-0.7, 0.7), -0.2, 0.3), WALL)
+    depth = drawn(flat((-0.7, 0.7), (-0.7, 0.7), -0.5, 0.3), WALL)
     assert (depth[8:-8, 8:-8] > 0).all()
