@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
 from part2gs_robotics import __version__
+from part2gs_robotics.ahead.compile_ahead import compile_ahead
 from part2gs_robotics.config import Config
 from part2gs_robotics.errors import FitError
 from part2gs_robotics.model.gaussians import Gaussians
@@ -123,6 +124,7 @@ class _Corridor:
 
         plan = make_plan(self.scene, self.config)
         logger.info("plan:\n%s", "\n".join(plan.lines()))
+        compile_ahead()
         fits, keys = zip(*(self._fit(index) for index in (0, 1)), strict=True)
         self.scene = alike(self.scene, (fits[0][2], fits[1][2]))
         gaussians = (fits[0][0], fits[1][0])
@@ -215,8 +217,7 @@ class _Corridor:
 
     def _mesh(self, gaussians: tuple[Gaussians, Gaussians], motion: Motion,
               key: str) -> tuple[Motion, tuple[Part, ...], str]:
-        settings = self.config.mesh
-        key = hash_of("mesh", asdict(settings), key)
+        settings, key = self.config.mesh, hash_of("mesh", asdict(self.config.mesh), key)
 
         def compute() -> tuple[Motion, tuple[Part, ...]]:
             from part2gs_robotics.mesh.real_parts import build_existing
@@ -287,8 +288,7 @@ class _Corridor:
                     "goes on from it." if self.good else "No stage was finished before it.")
             raise FitError(f"{name[3:]}: {err} {kept}") from err
         self.good = name
-        compiled = compile_seconds() - compiled
-        if compiled > COMPILE_WORTH_A_WORD:
+        if (compiled := compile_seconds() - compiled) > COMPILE_WORTH_A_WORD:
             logger.info("%s: %.1f s of it compiled kernels for this machine, kept in %s",
                         name[3:], compiled, kept_in())
         self._done(name[3:], time.monotonic() - began, number(result),

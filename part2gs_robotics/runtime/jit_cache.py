@@ -11,13 +11,19 @@ import shutil
 import stat
 import tempfile
 import time
-from contextlib import suppress
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from functools import cache
 from pathlib import Path
 from typing import Protocol
 
 from part2gs_robotics.errors import ConfigError
 from part2gs_robotics.runtime.hashing import PACKAGE, hash_of, hash_of_imports
+
+try:
+    import fcntl
+except ImportError:  # Windows
+    fcntl = None  # type: ignore[assignment]
 
 VARIABLE = "NUMBA_CACHE_DIR"
 NAME = "part2gs-robotics"
@@ -88,6 +94,17 @@ def remove_unused(kept: Path) -> None:
         with suppress(OSError):  # another process was faster
             if time.time() - folder.stat().st_mtime > UNUSED_DAYS * _DAY:
                 shutil.rmtree(folder, ignore_errors=True)
+
+
+@contextmanager
+def alone_in(folder: Path) -> Iterator[None]:
+    """Let one process at a time add to a folder, which is made if it is missing."""
+    folder.mkdir(parents=True, exist_ok=True)
+    with (folder / "lock").open("w") as file:
+        if fcntl is not None:
+            with suppress(OSError):  # a file system without locks
+                fcntl.flock(file, fcntl.LOCK_EX)
+        yield
 
 
 def compile_seconds() -> float:

@@ -13,7 +13,7 @@ ROOT = Path(__file__).resolve().parents[2]
 PACKAGE = ROOT / "part2gs_robotics"
 # Left may import right; errors and config are open to all.
 MAY = {
-    "runtime": "", "model": "",
+    "runtime": "", "model": "", "ahead": "runtime",
     "align": "model", "readers": "align model runtime", "render": "model runtime",
     "evidence": "model runtime render", "fit": "evidence render model runtime",
     "search": "evidence model runtime", "paper": "evidence model runtime",

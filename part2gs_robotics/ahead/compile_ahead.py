@@ -1,0 +1,95 @@
+"""Compile ahead: processes, as many as there are cores, that compile what no build has compiled.
+
+Numba compiles a kernel when it is first called, one at a time in a process: most of a machine's
+first build was one core's waiting for it. What a process compiles, others find on disk.
+"""
+
+from __future__ import annotations
+
+import logging
+import subprocess
+import sys
+import time
+from collections import deque
+from contextlib import suppress
+from typing import IO, cast
+
+from part2gs_robotics.ahead.listed import Kernel, missing
+from part2gs_robotics.runtime.jit_cache import alone_in, kept_in
+from part2gs_robotics.runtime.log import Progress, log_stage
+from part2gs_robotics.runtime.threads import in_threads
+
+MOST = 8  # processes: each takes 200 MB, and the dearest kernel alone an eighth of all the time
+WORTH = 3  # kernels: a process takes as long to start as one to compile
+logger = logging.getLogger(__name__)
+Worker = subprocess.Popen[str]
+
+
+def compile_ahead() -> int:
+    """Compile the kernels of a build that are not kept; returns how many were.
+
+    A kernel that cannot be compiled here is compiled where it is called, and fails there.
+
+    Raises:
+        ConfigError: NUMBA_CACHE_DIR names a folder that cannot be written.
+    """
+    if len(missing()) < WORTH:
+        return 0
+    began = time.monotonic()
+    with alone_in(kept_in()):  # of builds that start together one compiles
+        rest = missing()
+        if len(rest) < WORTH:
+            return 0
+        logger.info("compiling %d kernels for this machine, once", len(rest))
+        crew = _Crew(rest)
+        in_threads([crew.work] * min(MOST, len(rest)), stop=crew.stop)
+    log_stage("kernels", time.monotonic() - began, f"{crew.done} compiled, kept in {kept_in()}")
+    return crew.done
+
+
+class _Crew:
+    """Processes that compile what is left, each asked for one kernel at a time."""
+
+    def __init__(self, rest: list[Kernel]) -> None:
+        self.rest, self.total, self.done = deque(rest), len(rest), 0
+        self.workers: list[Worker] = []
+        self.progress = Progress("compile kernels")
+
+    def work(self) -> None:
+        """Let one process compile as long as kernels are left."""
+        if not self.rest:
+            return
+        command = [sys.executable, "-m", "part2gs_robotics.ahead.worker"]
+        try:  # a session of its own: an interrupt ends it by `stop`, not by a traceback
+            worker = subprocess.Popen(command, text=True, stdin=subprocess.PIPE,
+                                      stdout=subprocess.PIPE, stderr=subprocess.DEVNULL,
+                                      start_new_session=True)
+        except OSError as err:
+            logger.warning("no process to compile kernels could be started (%s): they are "
+                           "compiled where they are called, which takes longer", err)
+            return
+        self.workers.append(worker)
+        with suppress(BrokenPipeError), worker:  # closing the pipe to one that has ended
+            while self.rest and self._compiled(worker, self.rest.popleft()):
+                self.progress(self.done, self.total)
+
+    def _compiled(self, worker: Worker, kernel: Kernel) -> bool:
+        """Return whether the process lives on after it was asked for a kernel."""
+        asked, answers = cast(IO[str], worker.stdin), cast(IO[str], worker.stdout)  # both pipes
+        try:
+            print(kernel.line, file=asked, flush=True)
+            answer = answers.readline().strip()
+        except OSError:
+            answer = ""
+        if answer == "kept":
+            self.done += 1
+        else:
+            logger.warning("%s of %s was not compiled ahead: %s", kernel.name, kernel.module,
+                           answer or "the process that compiles it has ended")
+        return bool(answer)
+
+    def stop(self) -> None:
+        """End the processes."""
+        self.rest.clear()
+        for worker in self.workers:
+            worker.kill()

@@ -1,0 +1,34 @@
+"""Worker: a process that compiles kernels, `python -m part2gs_robotics.ahead.worker`.
+
+Reads a kernel per line and answers each with a line: "kept", or what is wrong.
+"""
+
+from __future__ import annotations
+
+import sys
+from importlib import import_module
+from typing import TextIO
+
+from part2gs_robotics.ahead.listed import Kernel, read
+
+
+def serve(asked: TextIO, answers: TextIO) -> None:
+    """Compile what is asked for until nothing more is."""
+    for line in asked:
+        print(compiled(read(line)), file=answers, flush=True)
+
+
+def compiled(kernel: Kernel) -> str:
+    """Compile a kernel, which its module keeps on disk; returns the answer."""
+    from numba.core.sigutils import normalize_signature
+
+    try:  # types, not their names: a kernel is kept under what it was asked for
+        types, _ = normalize_signature(kernel.types)
+        getattr(import_module(kernel.module), kernel.name).compile(types)
+    except Exception as err:  # one kernel less is compiled ahead; the build says so and goes on
+        return f"{type(err).__name__}: {err}".replace("\n", " ")
+    return "kept"
+
+
+if __name__ == "__main__":
+    serve(sys.stdin, sys.stdout)
