@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from part2gs_robotics.decide.cut import Ints, Net, minimum_cut
 from part2gs_robotics.evidence.graph import GRAIN, SMOOTHNESS, Graph, Web
-from part2gs_robotics.evidence.landing import FREE_COST, Landing, land
+from part2gs_robotics.evidence.landing import FREE_COST, HIDDEN_COST, Landing, land
 from part2gs_robotics.evidence.surfels import Surfels
 from part2gs_robotics.model import se3
 from part2gs_robotics.model.arrays import F64, Labels
@@ -96,7 +96,7 @@ class Unary:
         """These costs, but what moves (columns 1 ..) is a little dearer, to rest where it may."""
         match, miss = self.match.copy(), self.miss.copy()
         match[:, 1:] += MOVES
-        miss[:, 1:] += UNSEEN_MOVES * (miss[:, 1:] < FREE_COST)
+        miss[:, 1:] += UNSEEN_MOVES * (FREE_COST - miss[:, 1:]) / (FREE_COST - NEUTRAL_COST)
         return Unary(match, self.target, miss, self.far)
 
     def cost(self, q: NDArray[np.floating]) -> F64:
@@ -110,6 +110,14 @@ class Unary:
         out = np.zeros(len(hard))
         _own_costs(self.match, self.target, self.miss, self.everywhere, hard, out)
         return out
+
+
+    def of_parts(self, hard: Labels) -> F64:
+        """Return [N, L] costs of every label if a surfel's whole part took it along, hard [N]."""
+        met = hard[np.maximum(self.target, 0)]
+        theirs = (met == np.arange(self.match.shape[1])) | (met == hard[:, None])
+        found = np.minimum(self.match + FOREIGN_COST * ~theirs, np.maximum(self.miss, FOREIGN_COST))
+        return np.asarray(np.where(self.target < 0, self.miss, found) + self.far)
 
 
 def unary_costs(
@@ -127,11 +135,11 @@ def unary_costs(
         columns.append(
             (np.concatenate([zero[0], one[0]]), target, np.concatenate([zero[2], one[2]]))
         )
-    miss = np.stack([c[2] for c in columns], 1)
+    sure = (np.stack([c[2] for c in columns], 1) - HIDDEN_COST) / (FREE_COST - HIDDEN_COST)
     return Unary(
         np.stack([c[0] for c in columns], 1),
         np.stack([c[1] for c in columns], 1),
-        np.where(miss == FREE_COST, miss, NEUTRAL_COST),
+        NEUTRAL_COST + (FREE_COST - NEUTRAL_COST) * sure,
     )
 
 

@@ -13,11 +13,10 @@ from scipy.sparse.csgraph import connected_components
 
 from part2gs_robotics.decide.candidate import price
 from part2gs_robotics.decide.labelling import Unary
-from part2gs_robotics.evidence.landing import FREE_COST
 from part2gs_robotics.model.arrays import Labels, Mask
 
-# Gained by hiding, of that by landing: true parts 0.04 to 2.7 (thin ones 1.8 up), false from 3.3.
-HIDES = 3.0
+# Gained by hiding, of that by landing, by true parts: up to 7.7 (a rack of wires pushed home).
+HIDES = 10.0
 # Of a part's price, for a body in the air: at 1.0 two parts alike were as dear as one of two.
 HELD = 1.5
 
@@ -26,20 +25,25 @@ def vanished(unary: Unary, hard: Labels) -> tuple[float, Labels]:
     """Return what moving parts gain by hiding beyond `HIDES` times what they gain by landing.
 
     A motion is proven by what it lands: to put a thing where nobody can see it explains anything.
+    What a part gains is beyond rest, and beyond all parts that are proven better: of look-alikes
+    each hides most of what another lands.
 
     Returns:
         That gain, all parts together, and labels [N] with what such parts hide left at rest.
     """
-    rest, own = (unary.own(label) for label in (np.zeros_like(hard), hard))
-    gain = np.maximum(rest - own, 0.0)
-    met, miss = unary.target[np.arange(len(hard)), hard], unary.miss[np.arange(len(hard)), hard]
+    labels, rows = unary.match.shape[1], np.arange(len(hard))
+    costs, own = unary.of_parts(hard), unary.own(hard)
+    met = unary.target[rows, hard]
     lands = (met >= 0) & (hard[met] == hard)
-    hides = ~lands & (miss < FREE_COST)
-    landed, hidden = (np.bincount(hard, gain * here, unary.match.shape[1])
-                      for here in (lands, hides))
+    proof = np.bincount(hard, lands * np.maximum(costs[:, 0] - own, 0.0), labels)
+    order = np.concatenate([[0], 1 + np.argsort(-proof[1:], kind="stable")])  # rest, best proven ..
+    before = np.minimum.accumulate(costs[:, order], 1)[rows, np.maximum(np.argsort(order)[hard], 1)
+                                                       - 1]
+    gain = np.maximum(before - own, 0.0)
+    landed, hidden = (np.bincount(hard, gain * here, labels) for here in (lands, ~lands))
     excess = np.maximum(hidden - HIDES * landed, 0.0)
     excess[0] = 0.0  # what rests gains nothing
-    return float(excess.sum()), np.where(hides & (excess[hard] > 0), 0, hard)
+    return float(excess.sum()), np.where(~lands & (excess[hard] > 0), 0, hard)
 
 
 def hanging(hard: Labels, body: Labels) -> Mask:

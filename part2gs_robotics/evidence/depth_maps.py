@@ -29,12 +29,14 @@ class DepthMaps:
         alphas: [V, H, W] coverage, uint8 0..255 or float32 0..1; tells background from unknown.
         Ks: [V, 3, 3] pixels, centres at (i + 0.5, j + 0.5).
         viewmats: [V, 4, 4] camera_from_world, OpenCV axes.
+        images: [V, H, W, 3] uint8, what the photos show; None = unknown.
     """
 
     depths: NDArray[np.float32]
     alphas: NDArray[np.uint8] | NDArray[np.float32]
     Ks: NDArray[np.float64]
     viewmats: NDArray[np.float64]
+    images: NDArray[np.uint8] | None = None
 
     @cached_property
     def coded_depths(self) -> NDArray[np.float32]:
@@ -94,8 +96,8 @@ def _vote(depth: NDArray[np.floating], row: int, col: int, near: float, far: flo
 
 @parallel_kernel
 def _observe(points: NDArray[np.floating], depths: NDArray[np.floating],
-             projections: NDArray[np.floating], tolerance: float, counts: NDArray[np.integer],
-             ) -> None:
+             projections: NDArray[np.floating], images: NDArray[np.uint8], tolerance: float,
+             counts: NDArray[np.integer], colors: NDArray[np.floating]) -> None:
     num, height, width = points.shape[0], depths.shape[1], depths.shape[2]
     for chunk in numba.prange((num + CHUNK - 1) // CHUNK):
         for v in range(depths.shape[0]):
@@ -115,6 +117,9 @@ def _observe(points: NDArray[np.floating], depths: NDArray[np.floating],
                     counts[n, 3] += 1
                 elif vote < 3:
                     counts[n, vote] += 1
+                    if vote == 0 and len(images):
+                        for c in range(3):
+                            colors[n, c] += images[v, int(w), int(u), c]
 
 
 def observe(points: NDArray[np.floating], maps: DepthMaps, tolerance: float) -> Observation:
@@ -128,11 +133,39 @@ def observe(points: NDArray[np.floating], maps: DepthMaps, tolerance: float) -> 
     Returns:
         Counts over the views that have the point inside the image and in front of the camera.
     """
+    return _seen(points, maps, tolerance, np.zeros((0, 1, 1, 3), np.uint8))[0]
+
+
+def look_past(points: NDArray[np.floating], maps: DepthMaps, tolerance: float,
+              ) -> tuple[Observation, NDArray[np.float32]]:
+    """Return what `observe` does, and what views that see past every point show behind it.
+
+    Args:
+        points: [N, 3] world, scene units.
+        maps: depth maps of one state, with images.
+        tolerance: see `observe`.
+
+    Returns:
+        The counts, and [N, 4]: the mean colour 0..1 of the surfaces behind, and which share of
+        those views shows background there; 1 where no view sees past, or no image is known.
+    """
+    images = np.zeros((0, 1, 1, 3), np.uint8) if maps.images is None else maps.images
+    seen, colors = _seen(points, maps, tolerance, images)
+    surfaces = seen.free - seen.outside if len(images) else np.zeros_like(seen.free)
+    behind = np.ones((len(points), 4), np.float32)
+    behind[:, :3] = colors / (255.0 * np.maximum(surfaces, 1)[:, None])
+    behind[:, 3] -= surfaces / np.maximum(seen.free, 1)
+    return seen, behind
+
+
+def _seen(points: NDArray[np.floating], maps: DepthMaps, tolerance: float,
+          images: NDArray[np.uint8]) -> tuple[Observation, NDArray[np.float32]]:
+    """Return the counts, and [N, 3] the sum of colours of the surfaces behind every point."""
     points = np.ascontiguousarray(points, np.float64)
-    counts = np.zeros((len(points), 4), np.int32)
-    _observe(points, maps.coded_depths, maps.projections, float(tolerance), counts)
+    counts, colors = np.zeros((len(points), 4), np.int32), np.zeros((len(points), 3), np.float32)
+    _observe(points, maps.coded_depths, maps.projections, images, float(tolerance), counts, colors)
     free, surface, hidden, outside = np.ascontiguousarray(counts.T)
-    return Observation(free, surface, hidden, outside)
+    return Observation(free, surface, hidden, outside), colors
 
 
 def render_depth_maps(gaussians: Gaussians, state: StateViews, deep: float) -> DepthMaps:
@@ -162,7 +195,7 @@ def render_depth_maps(gaussians: Gaussians, state: StateViews, deep: float) -> D
         deep = max(deep, ROUGH * float(np.median(apart[depths > 0])))
     for v, depth in enumerate(depths):
         depth[_areas(apart[v] > deep)] = 0.0
-    return DepthMaps(depths, state.alphas, state.Ks, state.viewmats)
+    return DepthMaps(depths, state.alphas, state.Ks, state.viewmats, state.images)
 
 
 def _areas(mask: NDArray[np.bool_]) -> NDArray[np.bool_]:

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from part2gs_robotics.evidence.depth_maps import DepthMaps, observe
+from part2gs_robotics.evidence.depth_maps import DepthMaps, look_past
 from part2gs_robotics.evidence.surfels import Surfels
 from part2gs_robotics.model import se3
 from part2gs_robotics.model.arrays import F64
@@ -42,6 +42,7 @@ class Landing:
         free: [X, Y, Z] bool, observed empty.
         claimed: [M] float, 1 where the other state saw the surfel in its old place.
         reach: scene units.
+        behind: [X, Y, Z, 4] float32 what photos show through a free voxel, see `look_past`.
     """
 
     surfels: Surfels
@@ -51,6 +52,7 @@ class Landing:
     free: NDArray[np.bool_]
     claimed: F64
     reach: float
+    behind: NDArray[np.float32]
 
     @cached_property
     def cells(self) -> NDArray[np.int32]:
@@ -80,13 +82,14 @@ def build_landing(surfels: Surfels, claimed: F64, maps: DepthMaps, box: tuple[F6
     shape = np.ceil((hi - lo) / voxel).astype(int)
     axes = [lo[i] + (np.arange(shape[i]) + 0.5) * voxel for i in range(3)]
     centres = np.stack(np.meshgrid(*axes, indexing="ij"), -1).reshape(-1, 3)
-    seen = observe(centres, maps, voxel)
+    seen, behind = look_past(centres, maps, voxel)
     free = (seen.free >= MIN_FREE_VIEWS) & (seen.free > seen.surface)
     index = np.full(len(centres), -1, np.int32)
     distance, found = cKDTree(surfels.points).query(centres, distance_upper_bound=reach, workers=-1)
     hit = np.isfinite(distance)
     index[hit] = found[hit]
-    return Landing(surfels, lo, voxel, index.reshape(shape), free.reshape(shape), claimed, reach)
+    return Landing(surfels, lo, voxel, index.reshape(shape), free.reshape(shape), claimed, reach,
+                   behind.reshape(*shape, 4))
 
 
 @inlined
@@ -97,6 +100,24 @@ def _cell(px: float, py: float, pz: float, lo: F64, inv: float, cells: NDArray[n
     if not inside or x >= cells.shape[0] or y >= cells.shape[1] or z >= cells.shape[2]:
         return 1
     return int(cells[int(x), int(y), int(z)])
+
+
+@inlined
+def _contradicted(px: float, py: float, pz: float, lo: F64, inv: float,
+                  behind: NDArray[np.float32], colors: F64, q: int) -> float:
+    """Return how surely photos see past a point of the colour of q, 0..1: 1 beyond the grid.
+
+    Depth alone may be wrong: a fit paints what shines through a pane onto the pane, or behind it.
+    """
+    x, y, z = (px - lo[0]) * inv, (py - lo[1]) * inv, (pz - lo[2]) * inv
+    inside = x >= 0.0 and y >= 0.0 and z >= 0.0
+    if not inside or x >= behind.shape[0] or y >= behind.shape[1] or z >= behind.shape[2]:
+        return 1.0
+    a, b, c = int(x), int(y), int(z)
+    tint = (abs(colors[q, 0] - behind[a, b, c, 0]) + abs(colors[q, 1] - behind[a, b, c, 1])
+            + abs(colors[q, 2] - behind[a, b, c, 2]))
+    share = behind[a, b, c, 3]
+    return float(share + (1.0 - share) * min(tint / 3.0 / COLOR_SCALE, 1.0))
 
 
 @inlined
@@ -168,14 +189,18 @@ def _score_turns(shifts: F64, points: F64, normals: F64, colors: F64, lo: F64, i
 
 @parallel_kernel
 def _land(points: F64, normals: F64, colors: F64, lo: F64, inv: float, cells: NDArray[np.int32],
-          rows: F64, tau2: float) -> tuple[F64, NDArray[np.int64], F64]:
+          rows: F64, tau2: float, behind: NDArray[np.float32],
+          ) -> tuple[F64, NDArray[np.int64], F64]:
     """Return cost, surfel met or -1 and cost of meeting nothing of every point, moved already."""
     count = len(points)
     cost, index, miss = np.zeros(count), np.full(count, -1), np.zeros(count)
     for q in numba.prange(count):
         px, py, pz = points[q, 0], points[q, 1], points[q, 2]
         cell = _cell(px, py, pz, lo, inv, cells)
-        miss[q] = FREE_COST if cell & 1 else HIDDEN_COST
+        miss[q] = HIDDEN_COST
+        if cell & 1:
+            miss[q] += (FREE_COST - HIDDEN_COST) * _contradicted(px, py, pz, lo, inv, behind,
+                                                                 colors, q)
         cost[q] = miss[q]
         if cell > 1:
             met = _match(px, py, pz, normals[q, 0], normals[q, 1], normals[q, 2], colors, q,
@@ -229,9 +254,13 @@ def score_turns(rots: F64, shifts: F64, source: Surfels, target: Landing, tau: f
 def land(
     move: F64, source: Surfels, target: Landing, tau: float
 ) -> tuple[F64, NDArray[np.int64], F64]:
-    """Return per-point landing cost [N], met surfel [N] (-1 = none) and cost of no match [N]."""
+    """Return per-point landing cost [N], met surfel [N] (-1 = none) and cost of no match [N].
+
+    A place that depth alone calls empty, where photos show behind it what the point looks like, is
+    as good as unobserved.
+    """
     cost, index, miss = _land(se3.apply(move, source.points), source.normals @ move[:3, :3].T,
-                              source.colors, *_grid(target, tau))
+                              source.colors, *_grid(target, tau), target.behind)
     return cost, index, miss
 
 
