@@ -188,9 +188,8 @@ def _score_turns(shifts: F64, points: F64, normals: F64, colors: F64, lo: F64, i
 
 
 @parallel_kernel
-def _land(points: F64, normals: F64, colors: F64, lo: F64, inv: float, cells: NDArray[np.int32],
-          rows: F64, tau2: float, behind: NDArray[np.float32],
-          ) -> tuple[F64, NDArray[np.int64], F64]:
+def _land(points: F64, normals: F64, colors: F64, behind: NDArray[np.float32], lo: F64, inv: float,
+          cells: NDArray[np.int32], rows: F64, tau2: float) -> tuple[F64, NDArray[np.int64], F64]:
     """Return cost, surfel met or -1 and cost of meeting nothing of every point, moved already."""
     count = len(points)
     cost, index, miss = np.zeros(count), np.full(count, -1), np.zeros(count)
@@ -260,7 +259,7 @@ def land(
     as good as unobserved.
     """
     cost, index, miss = _land(se3.apply(move, source.points), source.normals @ move[:3, :3].T,
-                              source.colors, *_grid(target, tau), target.behind)
+                              source.colors, target.behind, *_grid(target, tau))
     return cost, index, miss
 
 

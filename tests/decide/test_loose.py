@@ -91,6 +91,28 @@ def test_what_a_part_hides_counts_as_far_as_it_lands(landing):
     np.testing.assert_array_equal(seen, np.where(rests & (found > 0), 0, 1))
 
 
+@pytest.mark.parametrize("landing", [1, 6])
+def test_hiding_what_a_better_proven_part_explains_as_well_gains_nothing(landing):
+    """Two motions hide the same 40 surfels; the one that lands more is believed, the other not."""
+    gone, lands = 40, landing + 20
+    hard = np.repeat([1, 2, 1], [gone, 2 * landing, 2 * lands])
+    match, target = np.zeros((len(hard), 3)), np.full((len(hard), 3), -1)
+    miss = np.tile([FREE_COST, NEUTRAL_COST, NEUTRAL_COST], (len(hard), 1))
+    miss[gone:, 1:] = FREE_COST
+    for part, first, count in ((2, gone, landing), (1, gone + 2 * landing, lands)):
+        here = first + np.arange(count)
+        target[here, part], target[here + count, part] = here + count, here
+    assert vanished(Unary(match, target, miss), hard)[0] == 0.0
+    taken = np.where(np.arange(len(hard)) < gone, 2, hard)  # the worse one has them now
+    found, seen = vanished(Unary(match, target, miss), taken)
+    assert found == 0.0, "nothing is gained, so nothing is charged"
+    alone = np.where(taken == 1, 0, taken)
+    miss[:, 1] = FREE_COST  # without the better one's motion to explain them
+    assert vanished(Unary(match, target, miss), alone)[0] == pytest.approx(max(
+        gone * (FREE_COST - NEUTRAL_COST) - HIDES * 2 * landing * FREE_COST, 0.0))
+    np.testing.assert_array_equal(seen, taken)
+
+
 def test_nothing_vanishes_where_nothing_moves():
     unary = Unary(np.zeros((5, 1)), np.full((5, 1), -1), np.full((5, 1), FREE_COST))
     still = np.zeros(5, np.int64)

@@ -1,7 +1,12 @@
 import numpy as np
 import pytest
 
-from part2gs_robotics.evidence.depth_maps import DepthMaps, observe, render_depth_maps
+from part2gs_robotics.evidence.depth_maps import (
+    DepthMaps,
+    look_past,
+    observe,
+    render_depth_maps,
+)
 from part2gs_robotics.model.gaussians import Gaussians
 from part2gs_robotics.model.scene import StateViews
 
@@ -52,6 +57,21 @@ def test_unknown_pixels_vote_for_nothing():
     opaque = DepthMaps(maps.depths, np.ones_like(maps.alphas), maps.Ks, maps.viewmats)
     seen = observe(POINTS[3:4], opaque, 0.01)
     assert seen.free[0] == seen.surface[0] == seen.hidden[0] == seen.outside[0] == 0
+
+
+def test_what_shows_behind_a_free_point_is_the_mean_of_the_photos():
+    """Three views past one point: two see the wall, light and dark, one the background."""
+    maps = wall_maps()
+    depths, alphas = maps.depths.copy(), maps.alphas.copy()
+    depths[2], alphas[2] = 0.0, 0.0
+    images = np.zeros((3, SIZE, SIZE, 3), np.uint8)
+    images[0], images[1], images[2] = (200, 100, 50), (100, 100, 0), (255, 255, 255)
+    seen, behind = look_past(POINTS, DepthMaps(depths, alphas, maps.Ks, maps.viewmats, images),
+                             0.01)
+    assert seen.free.tolist() == [3, 1, 1, 3, 0, 0]
+    np.testing.assert_allclose(behind[0], [150 / 255, 100 / 255, 25 / 255, 1 / 3], atol=1e-6)
+    np.testing.assert_array_equal(behind[1:, 3], 1.0)  # nothing but background, or no view
+    assert (look_past(POINTS, maps, 0.01)[1][:, 3] == 1.0).all(), "no image is known"
 
 
 def test_observation_does_not_depend_on_the_world_frame():

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from part2gs_robotics.evidence.landing import (
     CLAIMED_COST,
+    COLOR_SCALE,
     FREE_COST,
     HIDDEN_COST,
     land,
@@ -92,6 +95,20 @@ def test_seen_free_space_costs_the_full_price_and_the_inside_the_neutral_one(sli
     assert cost[0] == HIDDEN_COST
 
 
+@pytest.mark.parametrize("share", [0.0, 0.4, 1.0])
+@pytest.mark.parametrize("tint", [0.0, 0.1, 0.9])
+def test_depth_alone_contradicts_as_far_as_photos_show_another_colour(slid, share, tint):
+    """In the air: nothing of the cost of an empty place is left where the same colour shows."""
+    patch, up = on_block(slid).select(np.array([0])), se3.make(np.eye(3), np.array([0.0, 0, 0.5]))
+    behind = slid.states[0].land.behind.copy()
+    behind[..., :3], behind[..., 3] = patch.colors[0] + tint, share
+    cost, met, miss = land(up, patch, replace(slid.states[0].land, behind=behind), TAU)
+    sure = share + (1.0 - share) * min(tint / COLOR_SCALE, 1.0)
+    assert met[0] == -1
+    assert cost[0] == miss[0] == pytest.approx(HIDDEN_COST + sure * (FREE_COST - HIDDEN_COST),
+                                               abs=1e-6)
+
+
 def test_beyond_the_grid_is_free(slid):
     far = se3.make(np.eye(3), np.array([50.0, 0, 0]))
     cost, met, _ = land(far, on_block(slid), slid.states[0].land, TAU)
@@ -100,8 +117,6 @@ def test_beyond_the_grid_is_free(slid):
 
 
 def test_a_surfel_meets_itself_for_nothing_and_a_claimed_one_for_its_price(slid):
-    from dataclasses import replace
-
     seen = slid.states[0]
     cost, met, _ = land(np.eye(4), seen.surfels, seen.land, TAU)
     same = met == np.arange(len(met))
