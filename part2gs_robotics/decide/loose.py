@@ -15,7 +15,7 @@ from part2gs_robotics.decide.candidate import price
 from part2gs_robotics.decide.labelling import Unary
 from part2gs_robotics.model.arrays import Labels, Mask
 
-# Gained by hiding, of that by landing, by true parts: up to 11 (a flap folded under another).
+# Gained by hiding, of that by landing, by true parts: up to 11, where one is folded under another.
 HIDES = 16.0
 # Of a part's price, for a body in the air: at 1.0 two parts alike were as dear as one of two.
 HELD = 1.5
