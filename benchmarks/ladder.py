@@ -3,10 +3,10 @@
     python benchmarks/ladder.py --work FOLDER [FOLDER ...] [--objects NAME ...]
 
 Every FOLDER holds scenes and builds that the benchmark kit's suite made, of its objects or those of
-solids.py or simulators.py; their fits are used, and the motions are searched and decided on anew by
-this code. Four steps, from the same two fits: labels (of the surfels, under the true motions), cost
-(of the true motions beside other answers), search (how near the pool comes to each true motion) and
-what is decided. Without --work the tables of docs/ladder.md are made anew from results/ladder.json.
+solids.py or simulators.py; their fits are used, the motions are searched and decided on anew. Five steps, from the same two fits: labels (of the surfels, under the true motions), cost
+(of the true motions beside other answers), search (how near the pool comes to each true motion),
+what is decided, and what is left, and carried by other parts, once joints are settled; and how many
+true ones are lost in that. Without --work the tables of docs/ladder.md are made anew from results/ladder.json.
 """
 
 from __future__ import annotations
@@ -14,18 +14,20 @@ from __future__ import annotations
 import sys
 import time
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from ladder_truth import Known, iou, known, remade
 from reconstruction_suite import git, published
+from scipy.spatial import cKDTree
 from simulators import OBJECTS
 from solids_more import THINGS
 
-from part2gs_robotics.articulate import found_motions
+from part2gs_robotics.articulate import Found, found_motions, settled_motion
 from part2gs_robotics.config import ArticulateConfig
-from part2gs_robotics.decide.candidate import PART, Candidate
+from part2gs_robotics.decide.candidate import PART, Candidate, on_base
 from part2gs_robotics.decide.judge import Judge
 from part2gs_robotics.model import se3
 from part2gs_robotics.model.joint import Joint
@@ -55,6 +57,9 @@ def climbed(case: Known) -> dict[str, Any]:
     less = [judge.polished(judge.judge(truth.without(k))) for k in free if len(truth) > 1]
     more = judge.polished(judge.best_of([truth.plus(h) for h in found.pool]))
     shares = labels_right(judge, truth, true)
+    good, began = right(judge, decided, case, true), time.monotonic()
+    settled = after(case, found)
+    later, end = time.monotonic() - began, right(judge, settled, case, true)
     return {
         "object": case.name, "commit": git("rev-parse", "--short", "HEAD"), "parts": len(truth),
         "miou": round(float(shares.mean()), 3), "worst": round(float(shares.min()), 3),
@@ -64,8 +69,10 @@ def climbed(case: Known) -> dict[str, Any]:
         "best_false": round(more.cost - truth.cost, 4),
         "pool": [round(100 * nearest(h, case.own(k), found.pool) / judge.study.diag, 2)
                  for k, h in enumerate(truth.motions)],
-        "decided": len(decided), "right": right(judge, decided, case, true),
-        "built": case.parts_built, "seconds": round(seconds, 1)}  # fmt: skip
+        "decided": len(decided), "right": len(good),
+        "settled": len(settled), "settled_right": len(end), "lost": len(good - end),
+        "built": case.parts_built, "seconds": round(seconds, 1),
+        "settled_seconds": round(later, 1)}  # fmt: skip
 
 
 def labels_right(judge: Judge, found: Candidate, true: np.ndarray) -> np.ndarray:
@@ -82,9 +89,22 @@ def nearest(h: Joint, points: np.ndarray, pool: Sequence[Joint]) -> float:
                 for p in pool), default=float("inf"))
 
 
-def right(judge: Judge, decided: Candidate, case: Known, true: np.ndarray) -> int:
-    """Return how many true parts have a motion of their own that carries them to their place."""
-    taken: set[int] = set()
+def after(case: Known, found: Found) -> Candidate:
+    """Return what is left of a decision once its joints are settled, with parts that are carried.
+
+    A surfel has the label of the Gaussian next to it.
+    """
+    motion, study = settled_motion(case.both.scene, found, ArticulateConfig()), found.judge.study
+    labels = [motion.labels(s)[cKDTree(study.gaussians[s].means).query(study.surfels[s].points)[1]]
+              for s in (0, 1)]
+    carried = [replace(h, carrier=motion.joints[p - 1].move if p else None)
+               for h, p in zip(motion.joints, motion.parents, strict=True)]
+    return replace(on_base(carried, np.concatenate(labels)), parents=motion.parents)
+
+
+def right(judge: Judge, decided: Candidate, case: Known, true: np.ndarray) -> set[int]:
+    """Return the true parts that have a motion of their own that carries them to their place."""
+    taken: dict[int, int] = {}
     for k, h in enumerate(case.candidate.motions):
         gaps = [nearest(h, case.own(k), [g]) / judge.study.diag for g in decided.motions]
         both = [((decided.labels == n + 1) & (true == k + 1)).sum()
@@ -93,8 +113,8 @@ def right(judge: Judge, decided: Candidate, case: Known, true: np.ndarray) -> in
         fits = [n for n in range(len(decided)) if n not in taken and gaps[n] < NEAR
                 and both[n] > SHARED]
         if fits:
-            taken.add(min(fits, key=lambda n: gaps[n]))
-    return len(taken)
+            taken[min(fits, key=lambda n: gaps[n])] = k
+    return set(taken.values())
 
 
 def markdown(rows: list[dict[str, Any]]) -> str:
@@ -109,19 +129,34 @@ def told(rows: list[dict[str, Any]]) -> str:
     """Return how many objects pass every step, and the table."""
     exact = [r for r in rows if r["right"] == r["decided"] == r["parts"]]
     parts, decided, found = (sum(r[key] for r in rows) for key in ("parts", "decided", "right"))
+    ends = [r for r in rows if "settled" in r]
+    last = [r for r in ends if r["settled_right"] == r["settled"] == r["parts"]]
+    parts_, left, kept, lost = (sum(r[key] for r in ends)
+                                for key in ("parts", "settled", "settled_right", "lost"))
     lines = [f"{len(exact)} of {len(rows)} objects are decided right, {found} of {parts} parts, "
-             f"{decided - found} false. Margins in prices of a part ({PART}).", "",
+             f"{decided - found} false; settled {len(last)} of {len(ends)}, {kept} of {parts_} "
+             f"parts, {left - kept} false, and {lost} that had been decided on are lost. Margins "
+             f"in prices of a part ({PART}).", "",
              "| object | labels: mIoU, worst | cost: answer | a true part less | a false one more "
-             "| search: pool, % | decided, right of true | s | commit |",
-             "|---|---|---|---|---|---|---|---|---|"]
+             "| search: pool, % | decided, right of true | settled, right of true, lost "
+             "| s, and to settle | commit |",
+             "|---|---|---|---|---|---|---|---|---|---|"]
     for r in rows:
         less = "-" if r["least_true"] is None else f"{r['least_true'] / PART:+.1f}"
         pool = ", ".join(f"{p:.1f}" for p in r["pool"])
         lines.append(f"| {r['object']} | {r['miou']:.2f}, {r['worst']:.2f} | "
                      f"{r['answer'] / PART:+.1f} | {less} | {r['best_false'] / PART:+.1f} | "
-                     f"{pool} | {r['decided']}, {r['right']} of {r['parts']} | {r['seconds']:.0f} "
-                     f"| {r['commit']} |")
+                     f"{pool} | {r['decided']}, {r['right']} of {r['parts']} | {end_of(r)} | "
+                     f"{r['commit']} |")
     return "\n".join(lines) + "\n"
+
+
+def end_of(row: dict[str, Any]) -> str:
+    """Return what is left once joints are settled, and the seconds."""
+    if "settled" not in row:
+        return f"- | {row['seconds']:.0f}"
+    return (f"{row['settled']}, {row['settled_right']} of {row['parts']}, {row['lost']} | "
+            f"{row['seconds']:.0f}, {row['settled_seconds']:.0f}")
 
 
 if __name__ == "__main__":
