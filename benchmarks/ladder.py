@@ -3,10 +3,11 @@
     python benchmarks/ladder.py --work FOLDER [FOLDER ...] [--objects NAME ...]
 
 Every FOLDER holds scenes and builds that the benchmark kit's suite made, of its objects or those of
-solids.py or simulators.py; their fits are used, the motions are searched and decided on anew. Five steps, from the same two fits: labels (of the surfels, under the true motions), cost
-(of the true motions beside other answers), search (how near the pool comes to each true motion),
-what is decided, and what is left, and carried by other parts, once joints are settled; and how many
-true ones are lost in that. Without --work the tables of docs/ladder.md are made anew from results/ladder.json.
+solids.py or simulators.py; their fits are used, the motions are searched and decided on anew. Five
+steps, from the same two fits: labels (of the surfels, under the true motions), cost (of the true
+motions beside other answers), search (how near the pool comes to each true motion), what is
+decided, and what is left of it, with carried parts, once joints are settled. Without --work the
+tables of docs/ladder.md are made anew from results/ladder.json.
 """
 
 from __future__ import annotations
