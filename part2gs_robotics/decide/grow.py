@@ -81,16 +81,25 @@ def lowered(judge: Judge, start: Candidate, pool: Sequence[Joint], swap: bool = 
             break
         logger.info("decide: %s: %d parts, cost %.4f, %.4f less", name, len(new), new.cost,
                     best.cost - new.cost)
-        best = calmed(judge, thinned(judge, new), pool)
+        best = new
     return best
+
+
+def _calm(judge: Judge, new: Candidate, best: Candidate, pool: Sequence[Joint]) -> Candidate:
+    """Return a set that costs less than the best, thinned and calmed, which may make it dearer.
+
+    Counted before it is calmed, a turn and its lesser likeness would take each other's place
+    without end.
+    """
+    return calmed(judge, thinned(judge, new), pool) if new.cost < best.cost else new
 
 
 def _cheaper(judge: Judge, best: Candidate, pool: Sequence[Joint], swap: bool,
              ) -> tuple[str, Candidate]:
     """Return the first change of a set that lowers the cost, and its name; else the set itself."""
     grown = _finished(judge, _one_more(judge, best, pool), best)
-    if grown.cost < best.cost:
-        return "one more", grown
+    if (new := _calm(judge, grown, best, pool)).cost < best.cost:
+        return "one more", new
     ways: tuple[tuple[str, bool, Callable[[], Candidate]], ...] = (
         ("another in the place of one", swap, lambda: _swapped(judge, best, pool)),
         ("two in the place of one", True,
@@ -103,7 +112,7 @@ def _cheaper(judge: Judge, best: Candidate, pool: Sequence[Joint], swap: bool,
         ("one less, polished", True, lambda: least(judge, best)),
     )
     for name, allowed, way in ways:
-        new = way() if allowed else best
+        new = _calm(judge, way(), best, pool) if allowed else best
         if new.cost < best.cost:
             return name, new
     logger.info("decide: one more: %.4f dearer", grown.cost - best.cost)

@@ -136,6 +136,20 @@ def test_the_search_goes_on_from_any_set(judge, right, look_alikes):
     assert lowered(judge, right, []) is right
 
 
+def test_a_change_that_calming_takes_back_is_none(judge, look_alikes, monkeypatch):
+    """Else a turn and its lesser likeness, which is a little dearer, take turns for ever."""
+    start, asked = judge.judge(on_base(look_alikes.truth[:1])), []
+
+    def back(_judge, new, _pool):
+        asked.append(new)
+        assert len(asked) < 9
+        return start
+
+    monkeypatch.setattr("part2gs_robotics.decide.grow.calmed", back)
+    assert lowered(judge, start, list(look_alikes.truth)) is start
+    assert asked
+
+
 def test_what_a_set_leaves_is_searched_again(judge, right, look_alikes):
     asked = []
 
