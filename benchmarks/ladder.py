@@ -1,13 +1,13 @@
 """Ask of every object at which step its parts are lost, and put the table into docs.
 
-    python benchmarks/ladder.py --work FOLDER [FOLDER ...] [--objects NAME ...]
+    python benchmarks/ladder.py --work FOLDER [FOLDER ...] [--objects NAME ...] [--settle]
 
 Every FOLDER holds scenes and builds that the benchmark kit's suite made, of its objects or those of
 solids.py or simulators.py; their fits are used, the motions are searched and decided on anew. Five
 steps, from the same two fits: labels (of the surfels, under the true motions), cost (of the true
 motions beside other answers), search (how near the pool comes to each true motion), what is
-decided, and what is left of it, with carried parts, once joints are settled. Without --work the
-tables of docs/ladder.md are made anew from results/ladder.json.
+decided, and, with --settle, what is left of it, with carried parts, once joints are settled.
+Without --work the tables of docs/ladder.md are made anew from results/ladder.json.
 """
 
 from __future__ import annotations
@@ -41,13 +41,16 @@ NEAR, SHARED = 0.03, 0.3  # of the diagonal, and IoU: a motion further off is no
 
 def main() -> int:
     """Climb the ladder of what is there, store the numbers, and write the table."""
+    settle = "--settle" in sys.argv
+    if settle:
+        sys.argv.remove("--settle")
     rows = remade(__doc__.splitlines()[0], RESULTS, "02_fit_1",
-                  lambda *place: climbed(known(*place)))
+                  lambda *place: climbed(known(*place), settle))
     return published(rows, RESULTS, (PAGE, *MARKS), markdown)
 
 
-def climbed(case: Known) -> dict[str, Any]:
-    """Return the row of one object."""
+def climbed(case: Known, settle: bool) -> dict[str, Any]:
+    """Return the row of one object; settle: whether its joints are, too."""
     began = time.monotonic()
     found = found_motions(case.both, ArticulateConfig())
     seconds = time.monotonic() - began
@@ -58,9 +61,7 @@ def climbed(case: Known) -> dict[str, Any]:
     less = [judge.polished(judge.judge(truth.without(k))) for k in free if len(truth) > 1]
     more = judge.polished(judge.best_of([truth.plus(h) for h in found.pool]))
     shares = labels_right(judge, truth, true)
-    good, began = right(judge, decided, case, true), time.monotonic()
-    settled = after(case, found)
-    later, end = time.monotonic() - began, right(judge, settled, case, true)
+    good = right(judge, decided, case, true)
     return {
         "object": case.name, "commit": git("rev-parse", "--short", "HEAD"), "parts": len(truth),
         "miou": round(float(shares.mean()), 3), "worst": round(float(shares.min()), 3),
@@ -71,9 +72,8 @@ def climbed(case: Known) -> dict[str, Any]:
         "pool": [round(100 * nearest(h, case.own(k), found.pool) / judge.study.diag, 2)
                  for k, h in enumerate(truth.motions)],
         "decided": len(decided), "right": len(good),
-        "settled": len(settled), "settled_right": len(end), "lost": len(good - end),
         "built": case.parts_built, "seconds": round(seconds, 1),
-        "settled_seconds": round(later, 1)}  # fmt: skip
+        **(after(case, found, good) if settle else {})}  # fmt: skip
 
 
 def labels_right(judge: Judge, found: Candidate, true: np.ndarray) -> np.ndarray:
@@ -90,17 +90,22 @@ def nearest(h: Joint, points: np.ndarray, pool: Sequence[Joint]) -> float:
                 for p in pool), default=float("inf"))
 
 
-def after(case: Known, found: Found) -> Candidate:
+def after(case: Known, found: Found, good: set[int]) -> dict[str, Any]:
     """Return what is left of a decision once its joints are settled, with parts that are carried.
 
-    A surfel has the label of the Gaussian next to it.
+    A surfel has the label of the Gaussian next to it. good: true parts that were decided on.
     """
+    began = time.monotonic()
     motion, study = settled_motion(case.both.scene, found, ArticulateConfig()), found.judge.study
+    seconds = time.monotonic() - began
     labels = [motion.labels(s)[cKDTree(study.gaussians[s].means).query(study.surfels[s].points)[1]]
               for s in (0, 1)]
     carried = [replace(h, carrier=motion.joints[p - 1].move if p else None)
                for h, p in zip(motion.joints, motion.parents, strict=True)]
-    return replace(on_base(carried, np.concatenate(labels)), parents=motion.parents)
+    left = replace(on_base(carried, np.concatenate(labels)), parents=motion.parents)
+    end = right(found.judge, left, case, case.labels(study.surfels))
+    return {"settled": len(left), "settled_right": len(end), "lost": len(good - end),
+            "settled_seconds": round(seconds, 1)}
 
 
 def right(judge: Judge, decided: Candidate, case: Known, true: np.ndarray) -> set[int]:

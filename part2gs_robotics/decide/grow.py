@@ -39,8 +39,9 @@ def decide(judge: Judge, pool: Sequence[Joint], parts: int | None, swap: bool = 
     if parts is None:
         best = lowered(judge, best, pool, swap)
         while again and len(best):
-            new = _searched(judge, best, again, swap)
-            if new is best:
+            more = again(judge.unexplained(best))
+            new = _cheapest(judge, best, more, swap) if more else best
+            if new.cost >= best.cost:
                 break
             best = lowered(judge, new, pool, swap)
     while pool and parts is not None and len(best) < parts:
@@ -50,19 +51,6 @@ def decide(judge: Judge, pool: Sequence[Joint], parts: int | None, swap: bool = 
     short = parts is not None and len(best) == parts and _short(judge, best, pool)
     best = tune(judge, lessened(judge, best, pool))
     return risen(judge, righted(judge, best), pool), short
-
-
-def _searched(judge: Judge, best: Candidate, again: Search, swap: bool) -> Candidate:
-    """Return a cheaper set with motions of what a set leaves unexplained, or hides; else the set.
-
-    What two parts make vanish may be a third one, which another motion lands.
-    """
-    for left in (judge.unexplained, judge.hidden):
-        more = again(left(best))
-        new = _cheapest(judge, best, more, swap) if more else best
-        if new.cost < best.cost:
-            return new
-    return best
 
 
 def lowered(judge: Judge, start: Candidate, pool: Sequence[Joint], swap: bool = True) -> Candidate:

@@ -18,7 +18,7 @@ from part2gs_robotics.evidence.study import Study
 from part2gs_robotics.evidence.surfaces import Evidence
 from part2gs_robotics.evidence.surfels import Surfels, at_home
 from part2gs_robotics.model import se3
-from part2gs_robotics.model.arrays import F64, Labels, Mask
+from part2gs_robotics.model.arrays import F64, Labels
 from part2gs_robotics.model.joint import Joint
 from part2gs_robotics.runtime.side_by_side import side_by_side
 from part2gs_robotics.search.refine import refine
@@ -142,14 +142,9 @@ class Judge:
 
     def _bodies(self, unary: Unary, hard: Labels) -> Labels:
         """Return [N] the body of its part that every moving surfel is in."""
-        return bodies_of(hard, self._met(unary, hard), self.study.graph.neighbors,
-                         self.study.touching)
-
-    @staticmethod
-    def _met(unary: Unary, hard: Labels) -> Labels:
-        """Return [N] the surfel of its own label that every surfel meets, -1 = none."""
         met = unary.target[np.arange(len(hard)), hard]
-        return np.where((met >= 0) & (hard[met] == hard), met, -1)
+        met = np.where((met >= 0) & (hard[met] == hard), met, -1)
+        return bodies_of(hard, met, self.study.graph.neighbors, self.study.touching)
 
     def strange(self, motions: Sequence[Joint], hard: Labels) -> float:
         """Return what `Scores.strange` says of all motions together."""
@@ -168,17 +163,9 @@ class Judge:
 
     def unexplained(self, found: Candidate) -> Evidence:
         """Return the surfels that a judged candidate carries to where nothing like them is."""
-        return self._evidence(self.costs(found.motions, found.labels) > UNEXPLAINED)
-
-    def hidden(self, found: Candidate) -> Evidence:
-        """Return the surfels of moving parts that a judged candidate carries to nothing of it."""
-        hard = found.labels
-        return self._evidence((hard > 0) & (self._met(self._unary(found.motions), hard) < 0))
-
-    def _evidence(self, here: Mask) -> Evidence:
-        own = np.split(here, [len(self.study.surfels[0])])
-        zero, one = (s.select(o) for s, o in zip(self.study.surfels, own, strict=True))
-        return Evidence(zero, one)
+        poor = self.costs(found.motions, found.labels) > UNEXPLAINED
+        return Evidence(*(s.select(own) for s, own in zip(
+            self.study.surfels, np.split(poor, [len(self.study.surfels[0])]), strict=True)))
 
     def way(self, found: Candidate, k: int) -> float | None:
         """Return how far motion k moves its surfels on average, scene units; None without any."""

@@ -160,16 +160,7 @@ def test_what_a_set_leaves_is_searched_again(judge, right, look_alikes):
     found, _ = decide(judge, [WRONG["between"]], None, again=again)
     assert sorted(h.value for h in found.motions) == pytest.approx([0.2, 0.3], abs=0.005)
     assert found.cost == pytest.approx(right.cost, abs=PART)
-    assert 3 <= len(asked) <= 4, "for both at once or one by one, then what is left, or hidden"
-
-
-def test_what_motions_carry_to_nothing_of_theirs_is_hidden(judge, right):
-    """A true motion lands most of its part, one to nowhere nothing of it."""
-    own = [int((right.labels == n).sum()) for n in (1, 2)]
-    landed = sum(own) - sum(map(len, judge.hidden(right).sets))
-    assert landed > 0.5 * sum(own)
-    lost = judge.hidden(right.swapped(0, replace(right.motions[0], value=50.0)))
-    assert own[0] <= sum(map(len, lost.sets)) < sum(own)
+    assert 2 <= len(asked) <= 3, "for both motions at once or one by one, and once more"
 
 
 def test_what_nothing_explains_is_what_moved(judge, right):
