@@ -35,6 +35,7 @@ TABLES = {
     ("docs/checks.md", "fuzz"): ("fuzz_models", "fuzz_models", "markdown"),
     ("docs/ci.md", "time"): ("check_time", "check_time", "markdown"),
     ("docs/stress.md", "stress"): ("stress", "stress", "markdown"),
+    ("docs/raster.md", "kernels"): ("kernels", "kernels", "markdown"),
 }
 OWN = {"solids": "solids", "simulators": "simulators", "states": "other_states"}
 
