@@ -19,7 +19,7 @@ from part2gs_robotics.runtime.jit_cache import alone_in, kept_in
 from part2gs_robotics.runtime.log import Progress, log_stage
 from part2gs_robotics.runtime.threads import in_threads
 
-MOST = 8  # processes: each takes 200 MB, and the dearest kernel alone an eighth of all the time
+MOST = 4  # processes: each takes up to 355 MB, and a build keeps within 2 GB
 WORTH = 3  # kernels: a process takes as long to start as one to compile
 logger = logging.getLogger(__name__)
 Worker = subprocess.Popen[str]
@@ -35,14 +35,23 @@ def compile_ahead() -> int:
     """
     if len(missing()) < WORTH:
         return 0
+    try:
+        with alone_in(kept_in()):  # of builds that start together one compiles
+            return _compiled(missing())
+    except OSError as err:  # a full disk
+        logger.warning("kernels cannot be compiled ahead in %s (%s): they are compiled where they "
+                       "are called", kept_in(), err)
+        return 0
+
+
+def _compiled(rest: list[Kernel]) -> int:
+    """Compile kernels in as many processes as there are cores; returns how many were."""
+    if len(rest) < WORTH:
+        return 0
     began = time.monotonic()
-    with alone_in(kept_in()):  # of builds that start together one compiles
-        rest = missing()
-        if len(rest) < WORTH:
-            return 0
-        logger.info("compiling %d kernels for this machine, once", len(rest))
-        crew = _Crew(rest)
-        in_threads([crew.work] * min(MOST, len(rest)), stop=crew.stop)
+    logger.info("compiling %d kernels for this machine, once", len(rest))
+    crew = _Crew(rest)
+    in_threads([crew.work] * min(MOST, len(rest)), stop=crew.stop)
     log_stage("kernels", time.monotonic() - began, f"{crew.done} compiled, kept in {kept_in()}")
     return crew.done
 

@@ -99,6 +99,14 @@ def test_an_interrupt_ends_the_processes(folder: Path, monkeypatch: pytest.Monke
     assert all(w.wait(10) is not None for w in crew[0].workers)
 
 
+def test_a_folder_that_cannot_be_locked_costs_time_alone(
+        folder: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture) -> None:
+    few(monkeypatch, FEW)
+    (jit_cache.kept_in() / "lock").mkdir()
+    assert room.compile_ahead() == 0
+    assert "cannot be compiled ahead" in caplog.text
+
+
 def test_nothing_is_compiled_where_numba_may_not() -> None:
     code = "from part2gs_robotics.ahead.listed import missing\nprint(missing())"
     done = subprocess.run([sys.executable, "-c", code], check=True, text=True, capture_output=True,
