@@ -91,11 +91,12 @@ def record(scenes: list[Path]) -> int:
 def called() -> list[Kernel]:
     """Return the kernels that Python has called in this process."""
     found = []
-    for name, module in sorted(sys.modules.items()):
+    ours = {n: m for n, m in sys.modules.items() if n.startswith("part2gs_robotics.")}
+    for name, module in sorted(ours.items()):
         for key, value in sorted(vars(module).items()):
             if isinstance(value, Dispatcher) and value.__module__ == name:
                 found += [Kernel(name, key, f"({' '.join(spelled(t) + ',' for t in types)})")
-                          for types in value.signatures if name.startswith("part2gs_robotics.")]
+                          for types in value.signatures]
     return found
 
 
