@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from part2gs_robotics.evidence.depth_maps import DepthMaps, look_past
+from part2gs_robotics.evidence.light import brightness
 from part2gs_robotics.evidence.surfels import Surfels
 from part2gs_robotics.model import se3
 from part2gs_robotics.model.arrays import F64
@@ -43,6 +44,7 @@ class Landing:
         claimed: [M] float, 1 where the other state saw the surfel in its old place.
         reach: scene units.
         behind: [X, Y, Z, 4] float32 what photos show through a free voxel, see `look_past`.
+        shades: [8] of the light in those photos, see `light.Light`; colours of surfels lack it.
     """
 
     surfels: Surfels
@@ -53,6 +55,7 @@ class Landing:
     claimed: F64
     reach: float
     behind: NDArray[np.float32]
+    shades: F64 = field(default_factory=lambda: np.zeros(8))
 
     @cached_property
     def cells(self) -> NDArray[np.int32]:
@@ -104,8 +107,8 @@ def _cell(px: float, py: float, pz: float, lo: F64, inv: float, cells: NDArray[n
 
 @inlined
 def _contradicted(px: float, py: float, pz: float, lo: F64, inv: float,
-                  behind: NDArray[np.float32], colors: F64, q: int) -> float:
-    """Return how surely photos see past a point of the colour of q, 0..1: 1 beyond the grid.
+                  behind: NDArray[np.float32], shown: F64, q: int) -> float:
+    """Return how surely photos see past point q, that would show so, 0..1: 1 beyond the grid.
 
     Depth alone may be wrong: a fit paints what shines through a pane onto the pane, or behind it.
     """
@@ -114,8 +117,8 @@ def _contradicted(px: float, py: float, pz: float, lo: F64, inv: float,
     if not inside or x >= behind.shape[0] or y >= behind.shape[1] or z >= behind.shape[2]:
         return 1.0
     a, b, c = int(x), int(y), int(z)
-    tint = (abs(colors[q, 0] - behind[a, b, c, 0]) + abs(colors[q, 1] - behind[a, b, c, 1])
-            + abs(colors[q, 2] - behind[a, b, c, 2]))
+    tint = (abs(shown[q, 0] - behind[a, b, c, 0]) + abs(shown[q, 1] - behind[a, b, c, 1])
+            + abs(shown[q, 2] - behind[a, b, c, 2]))
     share = behind[a, b, c, 3]
     return float(share + (1.0 - share) * min(tint / 3.0 / COLOR_SCALE, 1.0))
 
@@ -188,8 +191,9 @@ def _score_turns(shifts: F64, points: F64, normals: F64, colors: F64, lo: F64, i
 
 
 @parallel_kernel
-def _land(points: F64, normals: F64, colors: F64, behind: NDArray[np.float32], lo: F64, inv: float,
-          cells: NDArray[np.int32], rows: F64, tau2: float) -> tuple[F64, NDArray[np.int64], F64]:
+def _land(points: F64, normals: F64, colors: F64, shown: F64, behind: NDArray[np.float32], lo: F64,
+          inv: float, cells: NDArray[np.int32], rows: F64, tau2: float,
+          ) -> tuple[F64, NDArray[np.int64], F64]:
     """Return cost, surfel met or -1 and cost of meeting nothing of every point, moved already."""
     count = len(points)
     cost, index, miss = np.zeros(count), np.full(count, -1), np.zeros(count)
@@ -199,7 +203,7 @@ def _land(points: F64, normals: F64, colors: F64, behind: NDArray[np.float32], l
         miss[q] = HIDDEN_COST
         if cell & 1:
             miss[q] += (FREE_COST - HIDDEN_COST) * _contradicted(px, py, pz, lo, inv, behind,
-                                                                 colors, q)
+                                                                 shown, q)
         cost[q] = miss[q]
         if cell > 1:
             met = _match(px, py, pz, normals[q, 0], normals[q, 1], normals[q, 2], colors, q,
@@ -255,11 +259,13 @@ def land(
 ) -> tuple[F64, NDArray[np.int64], F64]:
     """Return per-point landing cost [N], met surfel [N] (-1 = none) and cost of no match [N].
 
-    A place that depth alone calls empty, where photos show behind it what the point looks like, is
-    as good as unobserved.
+    A place that depth alone calls empty, where photos show behind it what the point would look like
+    in the light there, is as good as unobserved.
     """
-    cost, index, miss = _land(se3.apply(move, source.points), source.normals @ move[:3, :3].T,
-                              source.colors, target.behind, *_grid(target, tau))
+    normals = source.normals @ move[:3, :3].T
+    shown = source.colors * brightness(target.shades, normals)[:, None]
+    cost, index, miss = _land(se3.apply(move, source.points), normals, source.colors, shown,
+                              target.behind, *_grid(target, tau))
     return cost, index, miss
 
 

@@ -119,8 +119,17 @@ def unshaded(surfels: Surfels, shades: F64) -> Surfels:
         surfels: of one state.
         shades: [8] of the light.
     """
-    gain = np.exp(-_log_brightness(shades, surfels.normals)).clip(1.0 / MOST, MOST)
-    return replace(surfels, colors=surfels.colors * gain[:, None])
+    return replace(surfels, colors=surfels.colors / brightness(shades, surfels.normals)[:, None])
+
+
+def brightness(shades: F64, normals: F64) -> F64:
+    """Return [N] how bright faces are by the way they look, 1 in even light.
+
+    Args:
+        shades: [8] of the light.
+        normals: [N, 3].
+    """
+    return np.asarray(np.exp(_log_brightness(shades, normals)).clip(1.0 / MOST, MOST))
 
 
 def _pairs(surfels: Surfels, rng: np.random.Generator) -> tuple[F64, F64]:

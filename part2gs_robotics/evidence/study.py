@@ -151,8 +151,9 @@ def gather(both: Canonical, config: SearchConfig | None = None) -> Study:
     config, seen = config or SearchConfig(), both.surfaces
     margin, voxel = MARGIN * seen.diag, both.surfel_size * seen.diag
     box = seen.box[0] - margin, seen.box[1] + margin
-    lands = side_by_side([partial(build_landing, seen.surfels[s], seen.claimed[s], seen.maps[s],
-                                  box, voxel, margin) for s in (0, 1)])
+    lands = [replace(land, shades=seen.shades) for land in side_by_side([
+        partial(build_landing, seen.surfels[s], seen.claimed[s], seen.maps[s], box, voxel, margin)
+        for s in (0, 1)])]
     nearest = [
         np.asarray(cKDTree(seen.surfels[s].points).query(both.gaussians[s].means)[1], np.int64)
         for s in (0, 1)

@@ -109,6 +109,26 @@ def test_depth_alone_contradicts_as_far_as_photos_show_another_colour(slid, shar
                                                abs=1e-6)
 
 
+def test_what_moves_is_compared_as_it_would_look_in_the_light_there(slid):
+    """Light along x: the top of the block turned to look there is brighter than its paint."""
+    block = on_block(slid)
+    patch = block.select(block.normals[:, 2] > 0.9).select(np.array([0]))
+    turn, shades = se3.screw_motion(np.array([0.0, 1, 0]), np.zeros(3), np.pi / 2, 0.0), np.zeros(8)
+    shades[0] = np.log(2.0)
+    land_, x = slid.states[0].land, (patch.normals @ turn[:3, :3].T)[0, 0]
+    turn[:3, 3] = np.array([0.4, 0.3, 0.7]) - turn[:3, :3] @ patch.points[0]  # in the air
+    sure = {}
+    for gain in (1.0, 2.0**x):
+        behind = land_.behind.copy()
+        behind[..., :3], behind[..., 3] = gain * patch.colors[0], 0.0
+        cost, _, _ = land(turn, patch, replace(land_, behind=behind, shades=shades), TAU)
+        sure[gain] = (cost[0] - HIDDEN_COST) / (FREE_COST - HIDDEN_COST)
+    assert x > 0.9
+    assert sure[2.0**x] == pytest.approx(0.0, abs=1e-6), "as bright as it would be there"
+    paint = abs(2.0**x - 1.0) * patch.colors[0].mean()
+    assert sure[1.0] == pytest.approx(min(paint / COLOR_SCALE, 1.0), abs=1e-6), "paint alone"
+
+
 def test_beyond_the_grid_is_free(slid):
     far = se3.make(np.eye(3), np.array([50.0, 0, 0]))
     cost, met, _ = land(far, on_block(slid), slid.states[0].land, TAU)
