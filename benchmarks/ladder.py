@@ -3,10 +3,11 @@
     python benchmarks/ladder.py --work FOLDER [FOLDER ...] [--objects NAME ...] [--settle]
 
 Every FOLDER holds scenes and builds that the benchmark kit's suite made, of its objects or those of
-solids.py or simulators.py; their fits are used, the motions are searched and decided on anew. Five
-steps, from the same two fits: labels (of the surfels, under the true motions), cost (of the true
-motions beside other answers), search (how near the pool comes to each true motion), what is
-decided, and, with --settle, what is left of it, with carried parts, once joints are settled.
+other_states.py, solids.py or simulators.py; their fits are used, the motions are searched and
+decided on anew. Five steps, from the same two fits: labels (of the surfels, under the true
+motions), cost (of the true motions beside other answers), search (how near the pool comes to each
+true motion), what is decided, and, with --settle, what is left of it, with carried parts, once
+joints are settled.
 Without --work the tables of docs/ladder.md are made anew from results/ladder.json.
 """
 
@@ -21,6 +22,7 @@ from typing import Any
 
 import numpy as np
 from ladder_truth import Known, iou, known, remade
+from other_states import STATES
 from reconstruction_suite import git, published
 from scipy.spatial import cKDTree
 from simulators import OBJECTS
@@ -41,11 +43,9 @@ NEAR, SHARED = 0.03, 0.3  # of the diagonal, and IoU: a motion further off is no
 
 def main() -> int:
     """Climb the ladder of what is there, store the numbers, and write the table."""
-    settle = "--settle" in sys.argv
-    if settle:
-        sys.argv.remove("--settle")
     rows = remade(__doc__.splitlines()[0], RESULTS, "02_fit_1",
-                  lambda *place: climbed(known(*place), settle))
+                  lambda *place, settle: climbed(known(*place), settle),
+                  settle="settle the joints as well")
     return published(rows, RESULTS, (PAGE, *MARKS), markdown)
 
 
@@ -124,11 +124,15 @@ def right(judge: Judge, decided: Candidate, case: Known, true: np.ndarray) -> se
 
 
 def markdown(rows: list[dict[str, Any]]) -> str:
-    """Return a table of the kit's objects, of plain solids and of simulators' objects."""
-    solids, simulated = ([r for r in rows if r["object"] in own] for own in (THINGS, OBJECTS))
-    kit = [r for r in rows if r["object"] not in {*THINGS, *OBJECTS}]
-    return (f"{told(kit)}\nThings of [plain solids](solids.md):\n\n{told(solids)}\nObjects out of "
-            f"[two simulators](simulators.md):\n\n{told(simulated)}")
+    """Return a table of the kit's objects, in other states, of plain solids and of simulators'."""
+    own = {"[other states](states.md)": STATES, "[plain solids](solids.md)": THINGS,
+           "[two simulators](simulators.md)": OBJECTS}
+    kit = [r for r in rows if not any(r["object"] in names for names in own.values())]
+    tables = [told(kit)]
+    for page, names in own.items():
+        if some := [r for r in rows if r["object"] in names]:
+            tables.append(f"Objects of {page}:\n\n{told(some)}")
+    return "\n".join(tables)
 
 
 def told(rows: list[dict[str, Any]]) -> str:

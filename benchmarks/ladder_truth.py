@@ -27,26 +27,30 @@ from part2gs_robotics.stages import load_fit, load_motion
 
 
 def remade(purpose: str, results: Path, stage: str,
-           measure: Callable[[str, Path, Path], dict[str, Any]]) -> dict[str, dict[str, Any]]:
+           measure: Callable[..., dict[str, Any]], **flags: str) -> dict[str, dict[str, Any]]:
     """Return rows by object: those stored, and those of the builds that the command line names.
 
     Args:
         purpose: of the script, for its help.
         results: JSON of rows, written after each.
         stage: that a build must have finished.
-        measure: (object, folder of its build, its scene) to its row.
+        measure: (object, folder of its build, its scene; flags by name) to its row.
+        flags: further ones of the script, each with its help.
     """
     parser = argparse.ArgumentParser(description=purpose)
     parser.add_argument("--work", type=Path, nargs="+", default=[], help="folders of the suite")
     parser.add_argument("--objects", nargs="+", help="only these")
+    for flag, told in flags.items():
+        parser.add_argument(f"--{flag}", action="store_true", help=told)
     args = parser.parse_args()
+    asked = {flag: getattr(args, flag) for flag in flags}
     rows = {r["object"]: r for r in json.loads(results.read_text())} if results.exists() else {}
     for work in args.work:
         for file in sorted(work.glob(f"runs/*/*/stages/{stage}/manifest.json")):
             out = file.parents[2]
             if not args.objects or out.name in args.objects:
                 scene = work / "scenes" / out.parent.name / out.name
-                rows[out.name] = measure(out.name, out, scene)
+                rows[out.name] = measure(out.name, out, scene, **asked)
                 sys.stderr.write(f"{rows[out.name]}\n")
                 results.write_text(json.dumps([rows[n] for n in sorted(rows)], indent=1) + "\n")
     return rows
