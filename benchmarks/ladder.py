@@ -145,8 +145,9 @@ def told(rows: list[dict[str, Any]]) -> str:
                                 for key in ("parts", "settled", "settled_right", "lost"))
     lines = [f"{len(exact)} of {len(rows)} objects are decided right, {found} of {parts} parts, "
              f"{decided - found} false. Margins in prices of a part ({PART}).", "",
-             f"Settled as well, {len(ends)}: {len(last)} are right, {kept} of {parts_} parts, "
-             f"{left - kept} false; {lost} that had been decided on are lost.", "",
+             *((f"Settled as well, {len(ends)}: {len(last)} are right, {kept} of {parts_} parts, "
+                f"{left - kept} false; {lost} that had been decided on are lost.", "")
+               if ends else ()),
              "| object | labels: mIoU, worst | cost: answer | a true part less | a false one more "
              "| search: pool, % | decided, right of true | settled, right of true, lost "
              "| s, and to settle | commit |",
