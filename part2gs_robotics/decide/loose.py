@@ -29,7 +29,8 @@ def vanished(unary: Unary, hard: Labels) -> tuple[float, Labels]:
     each hides most of what another lands.
 
     Returns:
-        That gain, all parts together, and labels [N] with what such parts hide left at rest.
+        That gain, all parts together, and labels [N] as photos see them: of a part that hides too
+        much, what is gained by no landing looks as the best of the others would have it.
     """
     labels, rows = unary.match.shape[1], np.arange(len(hard))
     costs, own = unary.of_parts(hard), unary.own(hard)
@@ -43,7 +44,12 @@ def vanished(unary: Unary, hard: Labels) -> tuple[float, Labels]:
     landed, hidden = (np.bincount(hard, gain * here, labels) for here in (lands, ~lands))
     excess = np.maximum(hidden - HIDES * landed, 0.0)
     excess[0] = 0.0  # what rests gains nothing
-    return float(excess.sum()), np.where(~lands & (excess[hard] > 0), 0, hard)
+    seen = hard.copy()
+    for place, part in enumerate(order):
+        if excess[part] > 0:
+            idle = (hard == part) & ~(lands & (gain > 0))
+            seen[idle] = order[costs[idle][:, order[:place]].argmin(1)]
+    return float(excess.sum()), seen
 
 
 def hanging(hard: Labels, body: Labels) -> Mask:

@@ -87,8 +87,8 @@ def test_what_a_part_hides_counts_as_far_as_it_lands(landing):
     found, seen = vanished(Unary(match, target, miss), np.ones(len(match), np.int64))
     saved = FREE_COST - NEUTRAL_COST
     assert found == pytest.approx(max(gone * saved - HIDES * landing * FREE_COST, 0.0))
-    rests = np.arange(len(match)) < gone
-    np.testing.assert_array_equal(seen, np.where(rests & (found > 0), 0, 1))
+    lands = (np.arange(len(match)) >= gone) & (np.arange(len(match)) < gone + landing)
+    np.testing.assert_array_equal(seen, np.where(lands | (found == 0), 1, 0))
 
 
 @pytest.mark.parametrize("landing", [1, 6])
@@ -111,6 +111,20 @@ def test_hiding_what_a_better_proven_part_explains_as_well_gains_nothing(landing
     assert vanished(Unary(match, target, miss), alone)[0] == pytest.approx(max(
         gone * (FREE_COST - NEUTRAL_COST) - HIDES * 2 * landing * FREE_COST, 0.0))
     np.testing.assert_array_equal(seen, taken)
+
+
+def test_photos_see_what_a_part_hides_as_the_best_other_label_has_it():
+    """40 surfels hidden by motion 2; motion 1 lands them nearly as well, rest does not."""
+    gone, lands = 40, 20
+    hard = np.repeat([2, 1], [gone, 2 * lands])
+    match, target = np.zeros((len(hard), 3)), np.full((len(hard), 3), -1)
+    miss = np.tile([FREE_COST, NEUTRAL_COST + 0.1, NEUTRAL_COST], (len(hard), 1))
+    miss[gone:, 1:] = FREE_COST
+    here = gone + np.arange(lands)
+    target[here, 1], target[here + lands, 1] = here + lands, here
+    found, seen = vanished(Unary(match, target, miss), hard)
+    assert found == pytest.approx(gone * 0.1), "beyond the better proven one, and nothing landed"
+    np.testing.assert_array_equal(seen, 1)
 
 
 def test_nothing_vanishes_where_nothing_moves():
