@@ -64,17 +64,20 @@ def settle(judge: Judge, found: Candidate, photos: Photos, config: ArticulateCon
 
 
 def _kept(judge: Judge, before: Candidate, after: Candidate, sharp: Views) -> Candidate:
-    """Return aligned joints, where one costs a part's price more than before, aligned from there.
+    """Return aligned joints, where they cost a part's price more than before, aligned from there.
 
-    Photos lead a joint astray where look-alike neighbours hold each other's surfels. The cost that
-    decided about the parts sees that; smaller differences are below what surfels can tell.
+    Photos lead a joint astray where look-alike neighbours hold each other's surfels, and then the
+    next one. The cost that decided about the parts sees that; smaller differences are below what
+    surfels can tell.
     """
-    best = end = judge.judge(after)
-    if end.cost < judge.judge(before).cost + PART:
+    end, was = judge.judge(after), judge.judge(before)
+    best = end
+    if end.cost < was.cost + PART:
         return after
     for k in range(len(after)):
         trial = judge.judge(best.swapped(k, before.motions[k]))
         best = trial if trial.cost + PART < best.cost else best
+    best = was if was.cost + PART < best.cost else best  # each alone may mend nothing
     if best is end:
         return after
     logger.info("settle: cost %.4f, %.4f with joints as before", end.cost, best.cost)

@@ -152,3 +152,16 @@ def test_a_joint_taken_back_stays_as_it_was_where_photos_would_lead_it_astray_ag
     found = settle(judge, before, photos, ArticulateConfig())
     np.testing.assert_array_equal(found.motions[1].move, true_joints[1].move)
     assert all(np.isfinite(j.sigma_value) for j in found.motions), "with deviations all the same"
+
+
+def test_joints_that_were_led_astray_together_are_taken_back_together(
+    judge, photos, true_joints, monkeypatch
+) -> None:
+    """One slide is lost, the other goes to its block: each alone taken back would mend nothing."""
+    before = on_base(true_joints, labels_of(judge, true_joints))
+    lost = replace(true_joints[0], axis=np.array([0.0, 0.0, 1.0]))
+    astray = on_base([lost, true_joints[0]], before.labels)
+    monkeypatch.setattr(settle_file, "_settled", lambda *_: astray)
+    monkeypatch.setattr(settle_file, "aligned", lambda *_: astray)
+    found = settle(judge, before, photos, ArticulateConfig())
+    assert miss(judge, found.motions, true_joints) == 0.0
