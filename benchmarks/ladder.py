@@ -56,10 +56,10 @@ def climbed(case: Known, settle: bool) -> dict[str, Any]:
     seconds = time.monotonic() - began
     judge, decided = found.judge, found.candidate
     true = case.labels(judge.study.surfels)
-    truth = judge.polished(judge.judge(case.candidate))
+    truth = best(judge, judge.judge(case.candidate))
     free = [k for k in range(len(truth)) if k + 1 not in truth.parents]
-    less = [judge.polished(judge.judge(truth.without(k))) for k in free if len(truth) > 1]
-    more = judge.polished(judge.best_of([truth.plus(h) for h in found.pool]))
+    less = [best(judge, judge.judge(truth.without(k))) for k in free if len(truth) > 1]
+    more = best(judge, judge.best_of([truth.plus(h) for h in found.pool]))
     shares = labels_right(judge, truth, true)
     good = right(judge, decided, case, true)
     return {
@@ -74,6 +74,11 @@ def climbed(case: Known, settle: bool) -> dict[str, Any]:
         "decided": len(decided), "right": len(good),
         "built": case.parts_built, "seconds": round(seconds, 1),
         **(after(case, found, good) if settle else {})}  # fmt: skip
+
+
+def best(judge: Judge, found: Candidate) -> Candidate:
+    """Return a judged set as the decision would leave it."""
+    return judge.renewed(judge.polished(found))
 
 
 def labels_right(judge: Judge, found: Candidate, true: np.ndarray) -> np.ndarray:

@@ -50,7 +50,7 @@ def decide(judge: Judge, pool: Sequence[Joint], parts: int | None, swap: bool = 
             best = min(best, _swapped(judge, best, pool), key=lambda c: c.scores.left)
     short = parts is not None and len(best) == parts and _short(judge, best, pool)
     best = tune(judge, lessened(judge, best, pool))
-    return risen(judge, righted(judge, best), pool), short
+    return judge.renewed(risen(judge, righted(judge, best), pool)), short
 
 
 def lowered(judge: Judge, start: Candidate, pool: Sequence[Joint], swap: bool = True) -> Candidate:

@@ -118,6 +118,22 @@ class Judge:
             self._judged[key] = found.motions, hard, self.scores(found, hard)
         return replace(found, labels=self._judged[key][1], judged=self._judged[key][2], fresh=())
 
+    def renewed(self, found: Candidate) -> Candidate:
+        """Return the judged candidate, with labels from another start where these cost less.
+
+        A surface met must come along, so that exchanges end short of the least, or among labels
+        that are as good to surfels and not to photos. The other start is what every surfel would
+        choose if all that it meets came along, whatever set the candidate was made from.
+        """
+        unary = self._unary(found.motions).resting
+        alone = unary.cost(np.ones_like(unary.match)).argmin(1)
+        hard = label(unary, self.study.web, alone)
+        told = self.scores(found, hard)
+        if told.cost >= found.cost:
+            return found
+        self._judged[(*map(id, found.motions), *found.parents)] = found.motions, hard, told
+        return replace(found, labels=hard, judged=told)
+
     def scores(self, found: Candidate, hard: Labels) -> Scores:
         """Return what surfels and photos say of a set of motions under given labels."""
         study, resting = self.study, self._unary(found.motions).resting
