@@ -15,7 +15,7 @@ from part2gs_robotics.decide.candidate import price
 from part2gs_robotics.decide.labelling import Unary
 from part2gs_robotics.model.arrays import Labels, Mask
 
-# Gained by hiding, of that by landing, by true parts: nearly all up to 7.7, one of them 11.
+# Gained by hiding, of that by landing, by true parts: nearly all up to 7.7, one of them 10.
 HIDES = 10.0
 # Of a part's price, for a body in the air: at 1.0 two parts alike were as dear as one of two.
 HELD = 1.5
