@@ -47,7 +47,7 @@ class Surface:
         moved: [N] whether it moved, by its part or by what the other state saw in its place.
         contradicted: [N] whether the other state saw its new place empty.
         agrees: [N] whether the other state saw a surface there.
-        shape: [N] whether it moves, and its part is near that place in the other state.
+        shape: [N] whether a moving part would take it near to itself in the other state.
         errors: [N] how wrong photos show its place, 0..1; NaN = no photo does.
         neighbors: [N, k] rows.
     """
@@ -119,10 +119,10 @@ def surface_under(both: Canonical, motion: Motion) -> Surface:
     rows = [_votes(both, state, own, moves) for state, own in enumerate(labels)]
     free, met, before = (np.concatenate([row[i] for row in rows]) for i in range(3))
     hard = np.concatenate(labels)
-    own = _of_own_part(both, labels, moves)
+    gaps = _of_parts(both, labels, moves)
     errors = side_by_side([partial(_errors, both, motion, state, moves) for state in (0, 1)])
     return Surface(before | free | ((hard > 0) & met), free, met,
-                   (hard > 0) & (own < SHAPE * seen.diag), np.concatenate(errors),
+                   gaps < SHAPE * seen.diag, np.concatenate(errors),
                    build_graph(seen.surfels).neighbors)
 
 
@@ -149,15 +149,19 @@ def _votes(both: Canonical, state: int, labels: Labels, moves: list[F64],
             (old.free >= MIN_VIEWS) & (old.free > 2 * old.surface))
 
 
-def _of_own_part(both: Canonical, labels: list[Labels], moves: list[F64]) -> F64:
-    """Return [N] how far every moved surfel is from its part in the other state; inf without."""
+def _of_parts(both: Canonical, labels: list[Labels], moves: list[F64]) -> F64:
+    """Return [N] how near a moving part takes every surfel to itself in the other state.
+
+    Whatever its label: beside a part of poor shape, glass most of all, labels are as poor, and what
+    one of the joints explains is no sign of another. inf = no part is seen in the other state.
+    """
     surfels, out = both.surfaces.surfels, [np.full(len(own), np.inf) for own in labels]
     for state in (0, 1):
-        for k, move in enumerate(_there(state, moves)):
-            mine, theirs = labels[state] == k, labels[1 - state] == k
-            if mine.any() and theirs.any():
-                points = se3.apply(move, surfels[state].points[mine])
-                out[state][mine] = cKDTree(surfels[1 - state].points[theirs]).query(points)[0]
+        for k, move in enumerate(_there(state, moves)[1:], 1):
+            if (theirs := labels[1 - state] == k).any():
+                points = se3.apply(move, surfels[state].points)
+                gaps = cKDTree(surfels[1 - state].points[theirs]).query(points)[0]
+                out[state] = np.minimum(out[state], gaps)
     return np.concatenate(out)
 
 

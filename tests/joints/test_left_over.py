@@ -137,6 +137,18 @@ def test_a_joint_that_goes_half_the_way_explains_little(two: tuple[Canonical, Mo
     assert 0.2 < left.share < 0.6
 
 
+def test_what_a_joint_explains_is_no_sign_of_another_whatever_its_label(
+        two: tuple[Canonical, Motion]) -> None:
+    """A block's top is taken for the base; the other block as a whole, which counts."""
+    both, motion = two
+    probs = [p.copy() for p in motion.part_probs]
+    for mine, gaussians in zip(probs, both.gaussians, strict=True):
+        mine[(mine[:, 1] > 0) & (gaussians.means[:, 2] > 0.47)] = np.eye(3, dtype=np.float32)[0]
+    topless = replace(motion, part_probs=(probs[0], probs[1]))
+    assert left_over(both, topless).complete
+    assert left_over(both, lacking(topless, 2)).share == pytest.approx(0.5, abs=0.06)
+
+
 def test_bodies_are_connected_pieces_of_a_mask() -> None:
     line = np.array([[max(n - 1, 0), min(n + 1, 9)] for n in range(10)], np.int32)
     mask = np.array([1, 1, 1, 0, 0, 1, 1, 0, 1, 1], bool)
