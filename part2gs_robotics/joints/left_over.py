@@ -36,6 +36,7 @@ BODY = 0.5  # of a surfel's neighbours: a body has area, noise comes in specks a
 SIGMAS, NORMAL = 3.0, 0.6745
 # Of the diagonal: panes of glass come to lie 0.015 to 0.05 from where the other state has them.
 SHAPE = 0.04
+ASIDE = 1.5  # surfels: the nearest one of a plane is that far to the side at most, and noise
 LEAST = 0.01  # of the moved surface: noise made at most 0.0022 of 11 builds with all parts
 
 
@@ -47,7 +48,7 @@ class Surface:
         moved: [N] whether it moved, by its part or by what the other state saw in its place.
         contradicted: [N] whether the other state saw its new place empty.
         agrees: [N] whether the other state saw a surface there.
-        shape: [N] whether a moving part would take it near to itself in the other state.
+        shape: [N] see `shaped`.
         errors: [N] how wrong photos show its place, 0..1; NaN = no photo does.
         neighbors: [N, k] rows.
     """
@@ -119,10 +120,9 @@ def surface_under(both: Canonical, motion: Motion) -> Surface:
     rows = [_votes(both, state, own, moves) for state, own in enumerate(labels)]
     free, met, before = (np.concatenate([row[i] for row in rows]) for i in range(3))
     hard = np.concatenate(labels)
-    gaps = _of_parts(both, labels, moves)
     errors = side_by_side([partial(_errors, both, motion, state, moves) for state in (0, 1)])
     return Surface(before | free | ((hard > 0) & met), free, met,
-                   gaps < SHAPE * seen.diag, np.concatenate(errors),
+                   shaped(both, labels, moves), np.concatenate(errors),
                    build_graph(seen.surfels).neighbors)
 
 
@@ -149,19 +149,32 @@ def _votes(both: Canonical, state: int, labels: Labels, moves: list[F64],
             (old.free >= MIN_VIEWS) & (old.free > 2 * old.surface))
 
 
-def _of_parts(both: Canonical, labels: list[Labels], moves: list[F64]) -> F64:
-    """Return [N] how near a moving part takes every surfel to itself in the other state.
+def shaped(both: Canonical, labels: list[Labels], moves: list[F64]) -> Mask:
+    """Return [N] which surfels a moving part would take near to itself in the other state.
 
-    Whatever its label: beside a part of poor shape, glass most of all, labels are as poor, and what
-    one of the joints explains is no sign of another. inf = no part is seen in the other state.
+    Its own in any direction; others only along its normals: beside a part of poor shape, glass most
+    of all, labels are as poor, and what a joint explains is no sign of another.
+
+    Args:
+        both: states.
+        labels: per state, [N_s] the part of every surfel.
+        moves: [4, 4] per part, of state 0 into state 1.
     """
-    surfels, out = both.surfaces.surfels, [np.full(len(own), np.inf) for own in labels]
+    surfels, diag = both.surfaces.surfels, both.surfaces.diag
+    out = [np.zeros(len(own), bool) for own in labels]
     for state in (0, 1):
         for k, move in enumerate(_there(state, moves)[1:], 1):
-            if (theirs := labels[1 - state] == k).any():
-                points = se3.apply(move, surfels[state].points)
-                gaps = cKDTree(surfels[1 - state].points[theirs]).query(points)[0]
-                out[state] = np.minimum(out[state], gaps)
+            theirs = surfels[1 - state].select(labels[1 - state] == k)
+            if not len(theirs):
+                continue
+            points = se3.apply(move, surfels[state].points)
+            gaps, near = cKDTree(theirs.points).query(points, distance_upper_bound=SHAPE * diag)
+            found = np.flatnonzero(np.isfinite(gaps))
+            near = near[found]
+            along = np.einsum("ni,ni->n", points[found] - theirs.points[near], theirs.normals[near])
+            aside = np.sqrt(np.maximum(gaps[found] ** 2 - along**2, 0.0))
+            fits = (labels[state][found] == k) | (aside < ASIDE * both.surfel_size * diag)
+            out[state][found[fits]] = True
     return np.concatenate(out)
 
 

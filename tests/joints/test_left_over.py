@@ -3,13 +3,23 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from toys import Box, cameras, drawn, gaussians_of, scene_of
 
 from part2gs_robotics.evidence.canonical import Canonical, canonical
-from part2gs_robotics.joints.left_over import LEAST, Surface, bodies, left_over, sorted_out
+from part2gs_robotics.evidence.surfels import Surfels
+from part2gs_robotics.joints.left_over import (
+    LEAST,
+    SHAPE,
+    Surface,
+    bodies,
+    left_over,
+    shaped,
+    sorted_out,
+)
 from part2gs_robotics.model.gaussians import Gaussians
 from part2gs_robotics.model.joint import Joint
 from part2gs_robotics.model.motion import LeftOver, Motion
@@ -137,16 +147,27 @@ def test_a_joint_that_goes_half_the_way_explains_little(two: tuple[Canonical, Mo
     assert 0.2 < left.share < 0.6
 
 
-def test_what_a_joint_explains_is_no_sign_of_another_whatever_its_label(
-        two: tuple[Canonical, Motion]) -> None:
-    """A block's top is taken for the base; the other block as a whole, which counts."""
-    both, motion = two
-    probs = [p.copy() for p in motion.part_probs]
-    for mine, gaussians in zip(probs, both.gaussians, strict=True):
-        mine[(mine[:, 1] > 0) & (gaussians.means[:, 2] > 0.47)] = np.eye(3, dtype=np.float32)[0]
-    topless = replace(motion, part_probs=(probs[0], probs[1]))
-    assert left_over(both, topless).complete
-    assert left_over(both, lacking(topless, 2)).share == pytest.approx(0.5, abs=0.06)
+@pytest.mark.parametrize(("height", "aside", "own", "near"), [
+    (0.9 * SHAPE, 0.0, False, True), (1.1 * SHAPE, 0.0, False, False),
+    (0.5 * SHAPE, 0.5 * SHAPE, False, False),  # beside the pane is another thing's place
+    (0.5 * SHAPE, 0.5 * SHAPE, True, True), (0.8 * SHAPE, 0.8 * SHAPE, True, False)])
+def test_a_pane_explains_what_is_before_and_behind_it_whatever_its_label(
+        height: float, aside: float, own: bool, near: bool) -> None:
+    """Surfels of state 0 that a slide of 2 takes over the middle of a pane, or past its edge."""
+    y, x = np.mgrid[0:21, 0:21].reshape(2, -1) * 0.01
+    pane = np.stack([x + 2.0, y, np.zeros_like(x)], 1)
+    spots = np.array([[0.2 + aside if aside else 0.1, 0.1, height]])
+
+    def surfels(points: np.ndarray) -> Surfels:
+        return Surfels(points, np.tile([0.0, 0.0, 1.0], (len(points), 1)),
+                       np.zeros((len(points), 3)), np.full(len(points), 3))
+
+    both = SimpleNamespace(surfel_size=0.01, surfaces=SimpleNamespace(
+        surfels=(surfels(spots), surfels(pane)), diag=1.0))
+    labels = [np.array([int(own)]), np.ones(len(pane), np.int64)]
+    move = np.eye(4)
+    move[0, 3] = 2.0
+    assert shaped(both, labels, [np.eye(4), move])[0] == near
 
 
 def test_bodies_are_connected_pieces_of_a_mask() -> None:
