@@ -236,6 +236,24 @@ def test_the_wrong_side_of_a_picture_is_seen_at_the_corners(
     assert [word in text for text in texts] == [True] * bool(word)
 
 
+@pytest.mark.parametrize(("large", "fits"), [(0, True), (255, False)])
+def test_slivers_alone_do_not_turn_a_picture(tmp_path: Path, large: int, fits: bool) -> None:
+    """A picture black above and white below; forty slivers in its upper half are white."""
+    image = np.zeros((32, 32, 3), np.uint8)
+    image[16:] = 255
+    uv = np.random.default_rng(0).uniform(0.55, 1, (48, 3, 2)).astype(np.float32)
+    size = np.repeat([1.0, 1e-3], [8, 40])
+    corners = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]]) * np.stack([np.ones(48), size, size],
+                                                                     1)[:, None]
+    colors = np.repeat([large, 255], [24, 120])[:, None] * np.ones(3)
+    mesh = PartMesh(corners.reshape(-1, 3).astype(np.float32),
+                    np.arange(144, dtype=np.int32).reshape(48, 3), colors.astype(np.uint8), 0.0,
+                    Texture(uv, image))
+    rows = looks(tmp_path, Twin("t", (Part("base", -1, mesh, (), None),), None, (0.0, 0.0, 1.0)))
+    texts = [r.detail for r in rows if r.subject == "assets/base_texture.png"]
+    assert ["upside down" in text for text in texts] == [True] * (not fits)
+
+
 @pytest.mark.parametrize("deed", ["inside out", "the same solid"])
 def test_a_piece_inside_out_or_twice_is_named_without_digests(folder: Path, deed: str) -> None:
     one, two, *_ = sorted(folder.glob("assets/base_piece_*.obj"))
