@@ -118,6 +118,10 @@ class Judge:
             self._judged[key] = found.motions, hard, self.scores(found, hard)
         return replace(found, labels=self._judged[key][1], judged=self._judged[key][2], fresh=())
 
+    def given(self, found: Candidate) -> Candidate:
+        """Return the candidate judged with its labels as they are."""
+        return replace(found, judged=self.scores(found, found.labels), fresh=())
+
     def renewed(self, found: Candidate) -> Candidate:
         """Return the judged candidate, with labels from another start where these cost less.
 

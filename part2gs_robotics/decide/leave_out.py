@@ -40,7 +40,7 @@ def least(judge: Judge, found: Candidate) -> Candidate:
     """Return the judged candidate thinned, joints polished of what is left before it is compared.
 
     A false part takes surfels that the joints of others then fit without; polished alone, they may
-    cost less.
+    cost less. What is gained by polishing alone is no reason to leave, so the set is polished too.
     """
     found = thinned(judge, found)
     if len(found) < 2:
@@ -49,7 +49,7 @@ def least(judge: Judge, found: Candidate) -> Candidate:
               if k + 1 not in found.parents]
     near = [judge.polished(t) for t in trials if t.cost < found.cost + POLISHES * PART]
     best = min(near, key=lambda c: c.cost, default=found)
-    if best.cost >= found.cost:
+    if best is found or best.cost >= min(found.cost, judge.polished(found).cost):
         return found
     logger.info("decide: one less, polished: %d parts, cost %.4f, %.4f less", len(best), best.cost,
                 found.cost - best.cost)

@@ -68,9 +68,12 @@ def _kept(judge: Judge, before: Candidate, after: Candidate, sharp: Views) -> Ca
 
     Photos lead a joint astray where look-alike neighbours hold each other's surfels, and then the
     next one. The cost that decided about the parts sees that; smaller differences are below what
-    surfels can tell.
+    surfels can tell. A little further on, labels found anew may be much dearer by what photos show,
+    so those of before count as well.
     """
-    end, was = judge.judge(after), judge.judge(before)
+    was = judge.judge(before)
+    end = min(judge.judge(after), judge.given(replace(after, labels=was.labels)),
+              key=lambda c: c.cost)
     best = end
     if end.cost < was.cost + PART:
         return after

@@ -9,7 +9,7 @@ import pytest
 
 from part2gs_robotics.articulate import _with_bodies
 from part2gs_robotics.config import ArticulateConfig
-from part2gs_robotics.decide.candidate import PART, on_base
+from part2gs_robotics.decide.candidate import PART, Scores, on_base
 from part2gs_robotics.decide.leave_out import joint_of, kinds_chosen, least, saved, thinned
 from part2gs_robotics.model.joint import Joint
 
@@ -51,6 +51,29 @@ def test_a_part_leaves_that_only_makes_up_for_joints_off_by_a_little(judge, part
     assert min(abs(h.value - first.value) for h in left.motions) < 0.01 * first.value
     sure = judged(judge, first, second)
     assert least(judge, sure) is sure
+
+
+class Grain:
+    """A cost that polishing lowers by as much whatever the set; each lost part makes it dearer."""
+
+    def __init__(self, gain, loss):
+        self.gain, self.loss = gain, loss
+
+    def judge(self, found, polish=0.0):
+        lost = self.loss * (2 - len(found))
+        return replace(found, judged=Scores(0.5 + lost - polish, 0.0))
+
+    def polished(self, found):
+        return self.judge(found, self.gain)
+
+
+@pytest.mark.parametrize(("gain", "loss"), [(0.9, 0.6), (0.9, -0.1), (0.1, 0.6)])
+def test_a_part_stays_that_pays_with_joints_of_one_kind(parts, gain, loss):
+    """All joints gain by being polished; a small part saves less than that, or nothing."""
+    judge = Grain(gain * PART, loss * PART)
+    found = judge.judge(on_base(parts[:2]))
+    left = least(judge, found)
+    assert left is found if loss > 0 else len(left) == 1
 
 
 def test_numbers_follow_what_leaves(judge, parts):

@@ -165,3 +165,22 @@ def test_joints_that_were_led_astray_together_are_taken_back_together(
     monkeypatch.setattr(settle_file, "aligned", lambda *_: astray)
     found = settle(judge, before, photos, ArticulateConfig())
     assert miss(judge, found.motions, true_joints) == 0.0
+
+
+@pytest.mark.parametrize(("share", "stays"), [(5e-4, True), (0.02, False)])
+def test_labels_of_before_speak_for_joints_as_well_as_those_found_anew(
+    judge, photos, true_joints, monkeypatch, share, stays
+) -> None:
+    """Labels found under the aligned joints leave a part at rest; those of before fit them too."""
+    before = judge.judge(on_base(true_joints))
+    after = before.swapped(1, off(true_joints[1], 0.0, share * judge.study.diag))
+    poor = judge.given(replace(after, labels=np.where(before.labels == 1, before.labels, 0)))
+    assert poor.cost > before.cost + settle_file.PART
+    found_anew = judge.judge
+    monkeypatch.setattr(judge, "judge", lambda one: (
+        poor if one.motions is after.motions else found_anew(one)))
+    monkeypatch.setattr(settle_file, "_settled", lambda *_: after)
+    monkeypatch.setattr(settle_file, "aligned", lambda *_: after)
+    found = settle(judge, before, photos, ArticulateConfig())
+    assert (found is after) == stays
+    assert (found.motions[1].value == after.motions[1].value) == stays
