@@ -3,7 +3,8 @@
     python benchmarks/reconstruction_suite.py --kit PATH --work FOLDER
     python benchmarks/turned.py FOLDER [FOLDER ...]
 
-Every part's picture is asked for as it is, upside down, mirrored and turned by half.
+Every part's picture is asked for as it is, upside down, mirrored and turned by half. Vertices are
+given the colours of the right picture before, as builds give them.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ def main() -> int:
     files = sorted(f for work in sys.argv[1:] for f in Path(work).glob("runs/*/*/twin.yaml"))
     doubted, told = [], []
     for file in files:
-        twin = read_twin(file.parent)
+        twin = painted(read_twin(file.parent))
         right = {r.subject for r in looks(file.parent, twin) if "fits" in r.detail}
         for name, wrong in turned(twin):
             subject = f"assets/{name}_texture.png"
@@ -34,6 +35,13 @@ def main() -> int:
     sys.stdout.write(f"{len(files)} twins: {sum(told)} of {len(told)} turned pictures are told, "
                      f"{sum(doubted) // 3} of {len(doubted) // 3} right ones doubted\n")
     return 0
+
+
+def painted(twin: Twin) -> Twin:
+    """Return a twin of any version with vertices in the colours of their pictures."""
+    parts = [p if (t := p.mesh.texture) is None else replace(p, mesh=p.mesh.painted(t))
+             for p in twin.parts]
+    return replace(twin, parts=tuple(parts))
 
 
 def turned(twin: Twin) -> Iterator[tuple[str, Twin]]:

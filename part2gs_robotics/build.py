@@ -254,7 +254,7 @@ class _Corridor:
         textures = self._stage("05_texture", hash_of("texture", asdict(settings), key), compute,
                                save_textures, load_textures,
                                lambda t: f"{sum(one.image.size for one in t) / 3e6:.1f} megapixels")
-        return tuple(replace(part, mesh=replace(part.mesh, texture=texture))
+        return tuple(replace(part, mesh=part.mesh.painted(texture))
                      for part, texture in zip(parts, textures, strict=True))
 
     def _separate(self, twin: Twin) -> Twin:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,6 +25,14 @@ class Texture:
     uv: NDArray[np.float32]
     image: NDArray[np.uint8]
 
+    def at(self, uv: NDArray[np.floating]) -> NDArray[np.float64]:
+        """Return [N, 3] colours 0..1 at places [..., 2], v upwards; outside, of the rim."""
+        high, wide = self.image.shape[:2]
+        at = np.asarray(uv, np.float64).reshape(-1, 2)
+        x = np.clip((at[:, 0] * wide).astype(int), 0, wide - 1)
+        y = np.clip(((1 - at[:, 1]) * high).astype(int), 0, high - 1)
+        return np.asarray(self.image[y, x, :3] / 255.0)
+
 
 @dataclass(frozen=True)
 class PartMesh:
@@ -41,6 +49,18 @@ class PartMesh:
     colors: NDArray[np.uint8]
     synthesised: float = 0.0
     texture: Texture | None = None
+
+    def painted(self, texture: Texture) -> PartMesh:
+        """Return the mesh with a picture, and its vertices in the picture's colours.
+
+        What shows no pictures shows the same, and a picture that is not of the mesh is told by its
+        vertices. A vertex takes the mean of its corners, which may lie apart in the picture.
+        """
+        corners, total = self.faces.reshape(-1), np.zeros((len(self.vertices), 3))
+        np.add.at(total, corners, texture.at(texture.uv))
+        count = np.bincount(corners, minlength=len(total))[:, None]
+        seen = np.rint(255 * total / np.maximum(count, 1)).astype(np.uint8)
+        return replace(self, colors=np.where(count > 0, seen, self.colors), texture=texture)
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ import pytest
 from synth import toy_cabinet_twin, write_all
 
 from part2gs_robotics.contract import contract
-from part2gs_robotics.contract.looks import looks, sampled
+from part2gs_robotics.contract.looks import looks
 from part2gs_robotics.contract.sites import sites
 from part2gs_robotics.contract.urdf import urdf_rules
 from part2gs_robotics.contract.words import MJCF, URDF, own_words, words_of
@@ -131,7 +131,14 @@ def test_a_picture_is_sampled_upright() -> None:
     image = np.zeros((2, 2, 3), np.uint8)
     image[0, 1] = 255  # above, right
     uv = np.array([[[0.75, 0.75], [0.25, 0.75], [0.75, 0.25]]], np.float32)
-    assert sampled(Texture(uv, image), uv)[:, 0].tolist() == [1.0, 0.0, 0.0]
+    texture = Texture(uv, image)
+    assert texture.at(uv)[:, 0].tolist() == [1.0, 0.0, 0.0]
+    bare = PartMesh(np.zeros((4, 3)), np.array([[0, 1, 2]]), np.full((4, 3), 7, np.uint8))
+    mesh = bare.painted(texture)
+    assert mesh.texture is texture
+    assert mesh.colors[:, 0].tolist() == [255, 0, 0, 7], "of no corner: as it was"
+    twice = PartMesh(bare.vertices, np.array([[0, 1, 0]]), bare.colors).painted(texture)
+    assert twice.colors[0, 0] == 128, "the mean of two corners"
 
 
 @pytest.mark.parametrize(("change", "file"), [

@@ -21,7 +21,7 @@ from part2gs_robotics.agree.folder import further
 from part2gs_robotics.agree.truth import changed, pieces
 from part2gs_robotics.contract.clear import clear_world
 from part2gs_robotics.contract.exported import exported_looks
-from part2gs_robotics.contract.looks import looks, sampled
+from part2gs_robotics.contract.looks import looks
 from part2gs_robotics.contract.shown import shown
 from part2gs_robotics.contract.urdf import urdf_rules
 from part2gs_robotics.exporters.read_twin import read_twin
@@ -225,7 +225,7 @@ def test_the_wrong_side_of_a_picture_is_seen_at_the_corners(
     rng = np.random.default_rng(3)
     image = rng.integers(0, 256, (32, 32, 3), dtype=np.uint8)
     uv = rng.random((30, 3, 2)).astype(np.float32)
-    colors = np.round(255 * sampled(Texture(uv, image), uv)).astype(np.uint8)
+    colors = np.round(255 * Texture(uv, image).at(uv)).astype(np.uint8)
     corners = rng.random((90, 3)).astype(np.float32)
     worn = Texture(uv, np.ascontiguousarray(image[..., ::-1])) if change is None else Texture(
         np.ascontiguousarray(change(uv), np.float32), image)
