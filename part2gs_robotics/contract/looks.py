@@ -7,7 +7,6 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from part2gs_robotics.agree.finding import CheckResult, fails, passes
 from part2gs_robotics.exporters.meshfile import add_material, mean_rgba
