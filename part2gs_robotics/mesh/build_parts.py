@@ -34,6 +34,7 @@ from part2gs_robotics.volume.grid_solids import (
 )
 from part2gs_robotics.volume.part_maps import PartMaps, render_part_maps
 from part2gs_robotics.volume.place import Place
+from part2gs_robotics.volume.wires import with_wires
 
 if TYPE_CHECKING:
     from manifold3d import Manifold
@@ -79,7 +80,9 @@ def build_parts(scene: Scene, gaussians: tuple[Gaussians, Gaussians], motion: Mo
                 "views, or lower --parts if the part does not exist.", k)
     require_room(solids, wholes, place)
     if config.flat_walls:
-        surfaces, yields = board_surfaces(place, evidence, wholes, maps,
+        # Not before: a wire has a way where its neighbours' grid says that nothing has room.
+        wired = [with_wires(whole, k, place, maps) for k, whole in enumerate(wholes)]
+        surfaces, yields = board_surfaces(place, evidence, wired, maps,
                                           edge_directions(scene, place))
     else:
         solids[0] = carved_base(solids, evidence, place, config.clearance_voxels)
@@ -106,7 +109,7 @@ def _inside_masks(maps: list[PartMaps], place: Place) -> tuple[list[PartMaps], P
                         maps[s].maps, np.inf) for s in (0, 1)]
         fine = (seen[0].outside <= 1) | (seen[1].outside <= 1)
         if fine.any():
-            place.points[k], place.colors[k] = place.points[k][fine], place.colors[k][fine]
+            place.keep(k, fine)
     return maps, place
 
 
