@@ -79,10 +79,12 @@ def build_parts(scene: Scene, gaussians: tuple[Gaussians, Gaussians], motion: Mo
                 "Needed surfaces of this part that some view sees; raise --resolution, give more "
                 "views, or lower --parts if the part does not exist.", k)
     require_room(solids, wholes, place)
+    # Only now: a wire may have a way where grids that have lost its neighbours' wires leave none.
+    # And not the base: nothing falls off it, and tubes along rims make its convex pieces worse.
+    solids = [with_wires(solid, k, place, maps) if k else solid
+              for k, solid in enumerate(wholes if config.flat_walls else solids)]
     if config.flat_walls:
-        # Not before: a wire has a way where its neighbours' grid says that nothing has room.
-        wired = [with_wires(whole, k, place, maps) for k, whole in enumerate(wholes)]
-        surfaces, yields = board_surfaces(place, evidence, wired, maps,
+        surfaces, yields = board_surfaces(place, evidence, solids, maps,
                                           edge_directions(scene, place))
     else:
         solids[0] = carved_base(solids, evidence, place, config.clearance_voxels)

@@ -22,13 +22,14 @@ from part2gs_robotics.volume.part_solids import THIN
 from part2gs_robotics.volume.place import Place
 
 Mask = NDArray[np.bool_]
-AWAY = 1.5  # voxels from the solid: its surface is wrong by one
+BORDER = 2  # of offsets: next to the solid by a face or an edge, as far as its surface is wrong
 NEXT = 3.0  # voxels: Gaussians no further from a lost one lead from it to the solid
 NEAR = 2.0  # voxels of depth: twice what rendered depth is wrong by
 BESIDE = 2.0  # voxels on both sides of which views look past: what is thicker, the grid holds
 VIEWS = 3  # that see it: one or two may share an error
 STEP = 0.5  # voxels between points along a Gaussian: none on its way is passed over
 LINKS = 4  # of every Gaussian: both neighbours on a wire, and as many again where others lie beside
+LEAP = 4.0  # voxels between ends of a wire: as much as one Gaussian that was lost in it is long
 # Rows and columns, across a wire and along it: the n-th from either end are at right angles.
 WAYS = ((0, 1), (1, 1), (1, -1), (1, 0))
 
@@ -49,7 +50,8 @@ def with_wires(solid: Solid, part: int, place: Place, maps: Sequence[PartMaps]) 
     grid, means, inside = solid.grid, place.points[part], solid.values > 0
     if not inside.any():
         return solid
-    away = _at(grid, means, ndimage.distance_transform_edt(~inside)) > AWAY
+    near = ndimage.binary_dilation(inside, ndimage.generate_binary_structure(3, BORDER))
+    away = ~near[tuple(_voxels(grid, means).T)]
     lost = np.flatnonzero(away)
     seen, thin, free = _votes(means[lost], part, place, maps, grid.voxel)
     lost = lost[(thin >= VIEWS) & (2 * thin > seen) & (thin > free)]
@@ -65,20 +67,38 @@ def with_wires(solid: Solid, part: int, place: Place, maps: Sequence[PartMaps]) 
     index = np.argwhere(tubes)
     ends = _votes(grid.centers(index), part, place, maps, grid.voxel)[2] >= VIEWS
     tubes[tuple(index[ends].T)] = False
+    tubes |= _bridges(inside, tubes)
     pieces, _ = ndimage.label(inside | tubes)
     held = tubes & np.isin(pieces, np.unique(pieces[inside]))
     return replace(solid, values=np.where(held, np.maximum(solid.values, np.float32(THIN)),
                                           solid.values))
 
 
+def _bridges(inside: Mask, tubes: Mask) -> Mask:
+    """Return [X, Y, Z] tubes between pieces whose ends lie near each other, where tubes are."""
+    from scipy import ndimage
+
+    out = np.zeros_like(tubes)
+    pieces, count = ndimage.label(inside | tubes)
+    reach = ndimage.binary_dilation(tubes, iterations=int(LEAP))
+    index = np.argwhere(reach & (pieces > 0))
+    of = pieces[tuple(index.T)]
+    for piece in np.unique(of) if count > 1 else ():
+        mine, others = index[of == piece], index[of != piece]
+        if not len(others):
+            continue
+        gaps, nearest = cKDTree(others).query(mine)
+        k = gaps.argmin()
+        if gaps[k] <= LEAP:
+            way = _along(np.stack([mine[k], others[nearest[k]]])[None].astype(float), STEP)
+            out[tuple(np.rint(way).astype(int).T)] = True
+    return np.asarray(ndimage.binary_dilation(out) & ~inside)
+
+
 def _voxels(grid: Grid, points: F64) -> I64:
     """Return [N, 3] the voxels nearest to points, none of them at the rim."""
     index = np.rint((points - grid.lo) / grid.voxel).astype(np.int64)
     return np.asarray(np.clip(index, 1, np.array(grid.shape) - 2))
-
-
-def _at(grid: Grid, points: F64, field: F64) -> F64:
-    return np.asarray(field[tuple(_voxels(grid, points).T)])
 
 
 def _links(points: F64, longest: float) -> F64:

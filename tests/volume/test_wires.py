@@ -50,6 +50,17 @@ def test_a_bar_thinner_than_a_voxel_becomes_a_tube_that_the_block_holds():
     assert ndimage.label(new | (SOLID.values > 0))[1] == 1
 
 
+@pytest.mark.parametrize(("missing", "whole"), [(2, True), (4, False)])
+def test_a_wire_that_lacks_few_gaussians_is_whole_and_one_that_lacks_many_is_not(missing, whole):
+    place = along_x(HI[0])
+    stays = np.delete(np.arange(len(place.points[1])), 3 + np.arange(missing))
+    place.points[1], place.ends[1] = place.points[1][stays], place.ends[1][stays]
+    new = added(place, (*bar(HI[0]), 1, None))
+    assert ndimage.label(new | (SOLID.values > 0))[1] == 1
+    far = GRID.centers(np.argwhere(new))[:, 0].max()
+    assert (far > 0.38) == whole
+
+
 def test_a_tube_ends_where_views_see_nothing():
     place = along_x(HI[0])
     place.ends[1][-4, 1, 0] = 0.48  # a Gaussian that sticks out of the bar
