@@ -49,7 +49,7 @@ def least(judge: Judge, found: Candidate) -> Candidate:
               if k + 1 not in found.parents]
     near = [judge.polished(t) for t in trials if t.cost < found.cost + POLISHES * PART]
     best = min(near, key=lambda c: c.cost, default=found)
-    if best is found or best.cost >= min(found.cost, judge.polished(found).cost):
+    if best is found or best.cost >= judge.polished(found).cost:
         return found
     logger.info("decide: one less, polished: %d parts, cost %.4f, %.4f less", len(best), best.cost,
                 found.cost - best.cost)

@@ -151,10 +151,11 @@ class _Look:
         wide = np.maximum(np.ceil(BESIDE * self.scale / w), 1).astype(np.int64)
         depth, label = self._read(places)
         seen = (h[:, 2] > 0) & (label == part) & (np.abs(depth - w) < self.near)
-        steps = wide[:, None] * np.array(WAYS)[:, None]
-        sides = np.array([[self._past(places + s * step, w) for s in (-1, 1)] for step in steps])
-        along = np.array([[self._own(places + s * (step + 1) // 2, way, part) for s in (-1, 1)]
-                          for step, way in zip(steps, WAYS[::-1], strict=True)])
+        ways = np.array(WAYS)[:, None]
+        far, half = wide[:, None] * ways, ((wide + 1) // 2)[:, None] * ways
+        sides = np.array([[self._past(places + s * step, w) for s in (-1, 1)] for step in far])
+        along = np.array([[self._own(places + s * step, way, part) for s in (-1, 1)]
+                          for step, way in zip(half, WAYS[::-1], strict=True)])
         across = np.asarray(sides.all(1)) & np.asarray(along.all(1))[::-1]
         nothing = (h[:, 2] > 0) & sides.all((0, 1)) & self._past(places, w)
         return np.stack([seen, seen & across.any(0), nothing]).astype(np.int64)
