@@ -204,24 +204,38 @@ def _in_the_way(base: Manifold, pieces: Sequence[Manifold], place: Place,
 def _passed(points: F64, body: Sequence[tuple[F64, F64]], joint: Joint, end: End,
             voxel: float) -> Mask:
     """Return [N] through which points a body of convex pieces goes before it is nearly shut."""
-    lever = np.linalg.norm(np.cross(points - joint.origin, joint.axis), axis=1)
-    early = EARLY * voxel / np.maximum(lever, voxel)  # before it is shut, rad
+    heights, levers = _about(points, joint)
+    early = EARLY * voxel / np.maximum(levers, voxel)  # before it is shut, rad
     whole, passed = abs(end.value - end.start), np.zeros(len(points), bool)
-    for way in np.arange(0.0, whole, STEP):
-        q = end.start + np.sign(end.value - end.start) * way
-        left = np.flatnonzero(~passed & (way < whole - early))
-        passed[left] = _inside(body, apply(inverse(joint.transform(q)), points[left]), 0.5 * voxel)
+    ways = np.arange(0.0, whole, STEP)
+    back = [inverse(joint.transform(end.start + np.sign(end.value - end.start) * way))
+            for way in ways]
+    for corners, planes in body:
+        own_heights, own_levers = _about(corners, joint)  # a turn changes neither
+        left = np.flatnonzero((heights >= own_heights.min()) & (heights <= own_heights.max())
+                              & (levers <= own_levers.max()) & ~passed)
+        for way, pose in zip(ways, back, strict=True):
+            left = left[way < whole - early[left]]
+            met = _inside(corners, planes, apply(pose, points[left]), 0.5 * voxel)
+            passed[left[met]] = True
+            left = left[~met]
     return passed
 
 
-def _inside(body: Sequence[tuple[F64, F64]], points: F64, depth: float) -> Mask:
-    """Return [N] which points are so deep inside a convex piece, of its corners and planes."""
-    inside = np.zeros(len(points), bool)
-    for corners, planes in body:
-        near = np.all((points >= corners.min(0)) & (points <= corners.max(0)), axis=1) & ~inside
-        if len(planes) and near.any():
-            inside[near] = (points[near] @ planes[:, :3].T + planes[:, 3]).max(1) < -depth
-    return inside
+def _about(points: F64, joint: Joint) -> tuple[F64, F64]:
+    """Return [N] heights along an axis and [N] distances from it."""
+    arm = points - joint.origin
+    return arm @ joint.axis, np.linalg.norm(np.cross(arm, joint.axis), axis=1)
+
+
+def _inside(corners: F64, planes: F64, points: F64, depth: float) -> Mask:
+    """Return [N] which points are so deep inside a convex piece."""
+    (x, y, z), low, high = points.T, corners.min(0), corners.max(0)
+    inside = ((x >= low[0]) & (x <= high[0]) & (y >= low[1]) & (y <= high[1])
+              & (z >= low[2]) & (z <= high[2]) & bool(len(planes)))
+    if inside.any():
+        inside[inside] = (points[inside] @ planes[:, :3].T + planes[:, 3]).max(1) < -depth
+    return np.asarray(inside)
 
 
 def _seen(base: Manifold, maps: Sequence[PartMaps], voxel: float) -> F64:
