@@ -190,7 +190,7 @@ def _in_the_way(base: Manifold, pieces: Sequence[Manifold], place: Place,
     left, corners = _seen(base, maps, voxel), [corners_of(piece) for piece in pieces]
     every = np.concatenate(corners)
     near = np.all((left >= every.min(0)) & (left <= every.max(0)), axis=1)
-    body = list(zip(corners, map(planes_of, corners), strict=True))
+    body = [(own, planes) for own in corners if len(planes := planes_of(own))]
     joint = place.joints[end.part - 1]
     for along, out in ((0, 0), (1, 0), (-1, 0), (0, 1), (0, -1)):
         arm = left - joint.origin
@@ -232,7 +232,7 @@ def _inside(corners: F64, planes: F64, points: F64, depth: float) -> Mask:
     """Return [N] which points are so deep inside a convex piece."""
     (x, y, z), low, high = points.T, corners.min(0), corners.max(0)
     inside = ((x >= low[0]) & (x <= high[0]) & (y >= low[1]) & (y <= high[1])
-              & (z >= low[2]) & (z <= high[2]) & bool(len(planes)))
+              & (z >= low[2]) & (z <= high[2]))
     if inside.any():
         inside[inside] = (points[inside] @ planes[:, :3].T + planes[:, 3]).max(1) < -depth
     return np.asarray(inside)
