@@ -79,8 +79,19 @@ class _Crew:
             return
         self.workers.append(worker)
         with suppress(BrokenPipeError), worker:  # closing the pipe to one that has ended
-            while self.rest and self._compiled(worker, self.rest.popleft()):
+            module = ""
+            while self.rest:
+                kernel = self._next(module)
+                if not self._compiled(worker, kernel):
+                    break
+                module = kernel.module
                 self.progress(self.done, self.total)
+
+    def _next(self, module: str) -> Kernel:
+        """Take a kernel of the same module, whose helpers this process has, else the next one."""
+        kernel = next((one for one in self.rest if one.module == module), self.rest[0])
+        self.rest.remove(kernel)
+        return kernel
 
     def _compiled(self, worker: Worker, kernel: Kernel) -> bool:
         """Return whether the process lives on after it was asked for a kernel."""

@@ -6,7 +6,6 @@ equally well. It hangs together with the drawer's front, which only one motion e
 
 from __future__ import annotations
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
@@ -20,7 +19,8 @@ from part2gs_robotics.evidence.landing import Landing
 from part2gs_robotics.evidence.study import Study
 from part2gs_robotics.model import se3
 from part2gs_robotics.model.arrays import F64, Labels, Mask
-from part2gs_robotics.runtime.jit import parallel_kernel
+from part2gs_robotics.runtime.for_each import for_each
+from part2gs_robotics.runtime.jit import inlined, kernel
 
 Lands = tuple[Landing, Landing]
 PROVEN = 0.25  # landing cost: a fair match, well below an unobserved place
@@ -131,16 +131,21 @@ def _core(proofs: NDArray[np.bool_], graph: Graph) -> NDArray[np.bool_]:
     return proofs
 
 
-@parallel_kernel
+@kernel
 def _amid(proofs: Mask, neighbors: NDArray[np.int32], agreed: float, out: Mask) -> None:
     """Mark the proofs of whose neighbours such a share are proofs."""
     ring = neighbors.shape[1]
-    for i in numba.prange(len(proofs)):
-        if proofs[i]:
-            count = 0
-            for n in range(ring):
-                count += proofs[neighbors[i, n]]
-            out[i] = count / ring >= agreed
+    for_each(len(proofs), _amid_at, (proofs, neighbors, agreed, out, ring))
+
+
+@inlined
+def _amid_at(i: int, proofs: Mask, neighbors: NDArray[np.int32], agreed: float, out: Mask,
+             ring: int) -> None:
+    if proofs[i]:
+        count = 0
+        for n in range(ring):
+            count += proofs[neighbors[i, n]]
+        out[i] = count / ring >= agreed
 
 
 def _far(proven: NDArray[np.bool_], surface: csr_matrix, diag: float, stays: float) -> F64:

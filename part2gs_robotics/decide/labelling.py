@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
@@ -15,7 +14,8 @@ from part2gs_robotics.evidence.landing import FREE_COST, HIDDEN_COST, Landing, l
 from part2gs_robotics.evidence.surfels import Surfels
 from part2gs_robotics.model import se3
 from part2gs_robotics.model.arrays import F64, Labels
-from part2gs_robotics.runtime.jit import inlined, kernel, parallel_kernel
+from part2gs_robotics.runtime.for_each import for_each
+from part2gs_robotics.runtime.jit import inlined, kernel
 
 NEUTRAL_COST = (
     0.3  # landing unobserved: a part is proven by contradictions it removes, not by what it hides
@@ -35,40 +35,56 @@ def _cost(match: float, target: int, miss: float, theirs: float) -> float:
     return min(match + FOREIGN_COST * (1.0 - theirs), max(miss, FOREIGN_COST))
 
 
-@parallel_kernel
+@kernel
 def _costs(match: F64, target: NDArray[np.int64], miss: F64, far: F64,
            q: NDArray[np.floating], out: NDArray[np.floating]) -> None:
     """Fill out [N, L or more]: what the surfel met costs; far from its part, more."""
-    for i in numba.prange(len(match)):
-        for k in range(match.shape[1]):
-            j = target[i, k]
-            out[i, k] = far[i, k] + _cost(match[i, k], j, miss[i, k], q[max(j, 0), k])
+    for_each(len(match), _costs_at, (match, target, miss, far, q, out))
 
 
-@parallel_kernel
+@inlined
+def _costs_at(i: int, match: F64, target: NDArray[np.int64], miss: F64, far: F64,
+              q: NDArray[np.floating], out: NDArray[np.floating]) -> None:
+    for k in range(match.shape[1]):
+        j = target[i, k]
+        out[i, k] = far[i, k] + _cost(match[i, k], j, miss[i, k], q[max(j, 0), k])
+
+
+@kernel
 def _own_costs(match: F64, target: NDArray[np.int64], miss: F64, far: F64,
                hard: NDArray[np.int64], out: F64) -> None:
     """Fill out [N] with what every surfel's landing costs under hard labels."""
-    for i in numba.prange(len(match)):
-        k = hard[i]
-        j = target[i, k]
-        theirs = 1.0 if hard[max(j, 0)] == k else 0.0
-        out[i] = far[i, k] + _cost(match[i, k], j, miss[i, k], theirs)
+    for_each(len(match), _own_costs_at, (match, target, miss, far, hard, out))
 
 
-@parallel_kernel
+@inlined
+def _own_costs_at(i: int, match: F64, target: NDArray[np.int64], miss: F64, far: F64,
+                  hard: NDArray[np.int64], out: F64) -> None:
+    k = hard[i]
+    j = target[i, k]
+    theirs = 1.0 if hard[max(j, 0)] == k else 0.0
+    out[i] = far[i, k] + _cost(match[i, k], j, miss[i, k], theirs)
+
+
+@kernel
 def _energies(match: F64, target: NDArray[np.int64], miss: F64, far: F64, hard: NDArray[np.int64],
               neighbors: NDArray[np.int32], weights: NDArray[np.float32], out: F64) -> None:
     """Fill out [N] with what hard labels cost, each surfel alone and with its neighbours."""
-    for i in numba.prange(len(match)):
-        k = hard[i]
-        j = target[i, k]
-        theirs = 1.0 if hard[max(j, 0)] == k else 0.0
-        whole = far[i, k] + _cost(match[i, k], j, miss[i, k], theirs)
-        for n in range(neighbors.shape[1]):
-            if hard[neighbors[i, n]] != k:
-                whole += SMOOTHNESS * weights[i, n]
-        out[i] = whole
+    for_each(len(match), _energies_at, (match, target, miss, far, hard, neighbors, weights, out))
+
+
+@inlined
+def _energies_at(i: int, match: F64, target: NDArray[np.int64], miss: F64, far: F64,
+                 hard: NDArray[np.int64], neighbors: NDArray[np.int32],
+                 weights: NDArray[np.float32], out: F64) -> None:
+    k = hard[i]
+    j = target[i, k]
+    theirs = 1.0 if hard[max(j, 0)] == k else 0.0
+    whole = far[i, k] + _cost(match[i, k], j, miss[i, k], theirs)
+    for n in range(neighbors.shape[1]):
+        if hard[neighbors[i, n]] != k:
+            whole += SMOOTHNESS * weights[i, n]
+    out[i] = whole
 
 
 @dataclass(frozen=True)

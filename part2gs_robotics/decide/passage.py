@@ -10,7 +10,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import permutations
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
@@ -19,7 +18,8 @@ from part2gs_robotics.model.grid import Grid, index_move
 from part2gs_robotics.model.joint import Joint
 from part2gs_robotics.model.kinematics import sweep
 from part2gs_robotics.model.se3 import inverse
-from part2gs_robotics.runtime.jit import parallel_kernel
+from part2gs_robotics.runtime.for_each import for_each
+from part2gs_robotics.runtime.jit import inlined, kernel
 
 PASS_COST = 0.2  # more than being far from a part may cost, less than a contradiction
 DEPTHS = (-3.0, -2.5, -2.0, -1.5, -1.0)  # cells behind a surface: nearer is noise, farther thin air
@@ -124,20 +124,24 @@ def _meets(points: F64, moves: F64, layer: Mask, box: F64) -> Mask:
     return out
 
 
-@parallel_kernel
+@kernel
 def _meet(points: F64, moves: F64, layer: Mask, box: F64, out: Mask) -> None:
     """Mark points that come into the layer; box [3, 2]: first and last cell of it."""
-    for n in numba.prange(len(points)):
-        x, y, z = points[n, 0], points[n, 1], points[n, 2]
-        for p in range(len(moves)):
-            m = moves[p]
-            u = np.rint(m[0, 0] * x + m[0, 1] * y + m[0, 2] * z + m[0, 3])
-            if not box[0, 0] <= u <= box[0, 1]:
-                continue
-            v = np.rint(m[1, 0] * x + m[1, 1] * y + m[1, 2] * z + m[1, 3])
-            if not box[1, 0] <= v <= box[1, 1]:
-                continue
-            w = np.rint(m[2, 0] * x + m[2, 1] * y + m[2, 2] * z + m[2, 3])
-            if box[2, 0] <= w <= box[2, 1] and layer[int(u), int(v), int(w)]:
-                out[n] = True
-                break
+    for_each(len(points), _meet_at, (points, moves, layer, box, out))
+
+
+@inlined
+def _meet_at(n: int, points: F64, moves: F64, layer: Mask, box: F64, out: Mask) -> None:
+    x, y, z = points[n, 0], points[n, 1], points[n, 2]
+    for p in range(len(moves)):
+        m = moves[p]
+        u = np.rint(m[0, 0] * x + m[0, 1] * y + m[0, 2] * z + m[0, 3])
+        if not box[0, 0] <= u <= box[0, 1]:
+            continue
+        v = np.rint(m[1, 0] * x + m[1, 1] * y + m[1, 2] * z + m[1, 3])
+        if not box[1, 0] <= v <= box[1, 1]:
+            continue
+        w = np.rint(m[2, 0] * x + m[2, 1] * y + m[2, 2] * z + m[2, 3])
+        if box[2, 0] <= w <= box[2, 1] and layer[int(u), int(v), int(w)]:
+            out[n] = True
+            break

@@ -11,7 +11,6 @@ from dataclasses import replace
 from functools import partial
 
 import numpy as np
-from numba import prange
 from numpy.typing import NDArray
 
 from part2gs_robotics.evidence.light import Light
@@ -22,7 +21,8 @@ from part2gs_robotics.model.small_views import SmallViews
 from part2gs_robotics.render.dispatch import render
 from part2gs_robotics.render.project import ALPHA_MIN
 from part2gs_robotics.runtime.buffers import Workspace
-from part2gs_robotics.runtime.jit import parallel_kernel
+from part2gs_robotics.runtime.for_each import for_each
+from part2gs_robotics.runtime.jit import inlined, kernel
 from part2gs_robotics.runtime.side_by_side import side_by_side
 
 Floats = NDArray[np.floating]
@@ -85,18 +85,23 @@ def _behind(means: Floats, normals: F64, view: F64) -> NDArray[np.float32]:
     return out
 
 
-@parallel_kernel
+@kernel
 def _fill_behind(means: Floats, normals: F64, eye: F64, low: float, high: float,
                  out: Floats) -> None:
     """Fill out [N, 1] by the cosine between a normal and the ray from the eye."""
-    for i in prange(len(means)):
-        along, squared = 0.0, 0.0
-        for a in range(3):
-            ray = means[i, a] - eye[a]
-            along += ray * normals[i, a]
-            squared += ray * ray
-        along /= max(np.sqrt(squared), 1e-12)
-        out[i, 0] = min(max((along - low) / (high - low), 0.0), 1.0)
+    for_each(len(means), _fill_behind_at, (means, normals, eye, low, high, out))
+
+
+@inlined
+def _fill_behind_at(i: int, means: Floats, normals: F64, eye: F64, low: float, high: float,
+                    out: Floats) -> None:
+    along, squared = 0.0, 0.0
+    for a in range(3):
+        ray = means[i, a] - eye[a]
+        along += ray * normals[i, a]
+        squared += ray * ray
+    along /= max(np.sqrt(squared), 1e-12)
+    out[i, 0] = min(max((along - low) / (high - low), 0.0), 1.0)
 
 
 def floor_of(own: Gaussians, views: SmallViews) -> F32:
@@ -117,21 +122,26 @@ def floor_of(own: Gaussians, views: SmallViews) -> F32:
     return out
 
 
-@parallel_kernel
+@kernel
 def _pixel_costs(color: Floats, alpha: Floats, far: Floats, photo: Floats, mask: Floats,
                  costs: Floats) -> None:
     """Fill the cost of every pixel of an image against its photo."""
-    for y in prange(len(costs)):
-        for x in range(alpha.shape[1]):
-            excess = alpha[y, x] - mask[y, x]
-            # Colour of what is there; nothing is compared where nothing was rendered.
-            tint = 0.0
-            for c in range(3):
-                tint += abs(color[y, x, c] - alpha[y, x] * photo[y, x, c])
-            hidden = far[y, x] / max(alpha[y, x], 1e-6)
-            tint = (1.0 - hidden) * min(tint / (3 * COLOR_SCALE), 1.0)
-            cost = tint + FAR_SIDE_COST * far[y, x] + min(2.0 * max(excess, 0.0), 1.0)
-            costs[y, x] = cost - MISSING_COST * min(excess, 0.0)
+    for_each(len(costs), _pixel_costs_at, (color, alpha, far, photo, mask, costs))
+
+
+@inlined
+def _pixel_costs_at(y: int, color: Floats, alpha: Floats, far: Floats, photo: Floats, mask: Floats,
+                    costs: Floats) -> None:
+    for x in range(alpha.shape[1]):
+        excess = alpha[y, x] - mask[y, x]
+        # Colour of what is there; nothing is compared where nothing was rendered.
+        tint = 0.0
+        for c in range(3):
+            tint += abs(color[y, x, c] - alpha[y, x] * photo[y, x, c])
+        hidden = far[y, x] / max(alpha[y, x], 1e-6)
+        tint = (1.0 - hidden) * min(tint / (3 * COLOR_SCALE), 1.0)
+        cost = tint + FAR_SIDE_COST * far[y, x] + min(2.0 * max(excess, 0.0), 1.0)
+        costs[y, x] = cost - MISSING_COST * min(excess, 0.0)
 
 
 def both_cost(

@@ -5,13 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
 from part2gs_robotics.model.gaussians import Gaussians
 from part2gs_robotics.model.scene import StateViews
-from part2gs_robotics.runtime.jit import kernel, parallel_kernel
+from part2gs_robotics.runtime.for_each import for_each
+from part2gs_robotics.runtime.jit import inlined, kernel
 
 BACKGROUND_ALPHA = 0.1  # below: nothing there; 0.1..0.5 are mixed edge pixels that vote for nothing
 SOLID_ALPHA = 0.5  # a pixel at least half covered has a first surface, less is an edge
@@ -94,32 +94,41 @@ def _vote(depth: NDArray[np.floating], row: int, col: int, near: float, far: flo
     return 4
 
 
-@parallel_kernel
+@kernel
 def _observe(points: NDArray[np.floating], depths: NDArray[np.floating],
              projections: NDArray[np.floating], images: NDArray[np.uint8], tolerance: float,
              counts: NDArray[np.integer], colors: NDArray[np.floating]) -> None:
     num, height, width = points.shape[0], depths.shape[1], depths.shape[2]
-    for chunk in numba.prange((num + CHUNK - 1) // CHUNK):
-        for v in range(depths.shape[0]):
-            depth, m = depths[v], projections[v]
-            for n in range(chunk * CHUNK, min(num, (chunk + 1) * CHUNK)):
-                px, py, pz = points[n, 0], points[n, 1], points[n, 2]
-                z = m[2, 0] * px + m[2, 1] * py + m[2, 2] * pz + m[2, 3]
-                if not z > 0.0:
-                    continue
-                u = (m[0, 0] * px + m[0, 1] * py + m[0, 2] * pz + m[0, 3]) / z - 0.5
-                w = (m[1, 0] * px + m[1, 1] * py + m[1, 2] * pz + m[1, 3]) / z - 0.5
-                if not (u >= 0.0 and w >= 0.0 and u < width - 1 and w < height - 1):
-                    continue
-                vote = _vote(depth, int(w), int(u), z - tolerance, z + tolerance)
-                if vote == 3:
-                    counts[n, 0] += 1
-                    counts[n, 3] += 1
-                elif vote < 3:
-                    counts[n, vote] += 1
-                    if vote == 0 and len(images):
-                        for c in range(3):
-                            colors[n, c] += images[v, int(w), int(u), c]
+    for_each((num + CHUNK - 1) // CHUNK, _observe_at, (points, depths, projections, images,
+                                                       tolerance, counts, colors, num, height,
+                                                       width))
+
+
+@inlined
+def _observe_at(chunk: int, points: NDArray[np.floating], depths: NDArray[np.floating],
+                projections: NDArray[np.floating], images: NDArray[np.uint8], tolerance: float,
+                counts: NDArray[np.integer], colors: NDArray[np.floating], num: int, height: int,
+                width: int) -> None:
+    for v in range(depths.shape[0]):
+        depth, m = depths[v], projections[v]
+        for n in range(chunk * CHUNK, min(num, (chunk + 1) * CHUNK)):
+            px, py, pz = points[n, 0], points[n, 1], points[n, 2]
+            z = m[2, 0] * px + m[2, 1] * py + m[2, 2] * pz + m[2, 3]
+            if not z > 0.0:
+                continue
+            u = (m[0, 0] * px + m[0, 1] * py + m[0, 2] * pz + m[0, 3]) / z - 0.5
+            w = (m[1, 0] * px + m[1, 1] * py + m[1, 2] * pz + m[1, 3]) / z - 0.5
+            if not (u >= 0.0 and w >= 0.0 and u < width - 1 and w < height - 1):
+                continue
+            vote = _vote(depth, int(w), int(u), z - tolerance, z + tolerance)
+            if vote == 3:
+                counts[n, 0] += 1
+                counts[n, 3] += 1
+            elif vote < 3:
+                counts[n, vote] += 1
+                if vote == 0 and len(images):
+                    for c in range(3):
+                        colors[n, c] += images[v, int(w), int(u), c]
 
 
 def observe(points: NDArray[np.floating], maps: DepthMaps, tolerance: float) -> Observation:

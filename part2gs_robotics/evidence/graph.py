@@ -10,7 +10,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import cv2
-import numba
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
@@ -20,7 +19,8 @@ from part2gs_robotics.evidence.depth_maps import DepthMaps
 from part2gs_robotics.evidence.surfels import Surfels
 from part2gs_robotics.model.arrays import F32, F64, Mask
 from part2gs_robotics.model.scene import StateViews
-from part2gs_robotics.runtime.jit import kernel, parallel_kernel
+from part2gs_robotics.runtime.for_each import for_each
+from part2gs_robotics.runtime.jit import inlined, kernel
 
 SMOOTHNESS = 0.12  # per neighbour: ten neighbours outvote a neutral surfel, not a clear one
 GRAIN = 2**14  # whole numbers per unit of cost: a surfel's sum stays far below 2^31
@@ -159,38 +159,43 @@ def _sink(heap: NDArray[np.int32], keys: F64, size: int) -> None:
     heap[at], keys[at] = node, key
 
 
-@parallel_kernel
+@kernel
 def _shortest(first: NDArray[np.int32], nodes: NDArray[np.int32], gaps: F64, starts: Mask,
               latest: F64, out: F64) -> None:
     """Fill out [L, N], given with the farthest way, by Dijkstra's algorithm from every label.
 
     latest [N]: no way that comes later is followed.
     """
-    for label in numba.prange(len(starts)):
-        way, size = out[label], 0
-        heap, keys = np.zeros(len(nodes), np.int32), np.zeros(len(nodes))
-        for i in range(len(way)):
-            if starts[label, i]:
-                way[i] = 0.0
-        for i in range(len(way)):
-            if starts[label, i]:  # before all others, in any order
-                for n in range(first[i], first[i + 1]):
-                    if gaps[n] < min(way[nodes[n]], latest[nodes[n]]):
-                        way[nodes[n]] = gaps[n]
-                        _lift(heap, keys, size, nodes[n], gaps[n])
-                        size += 1
-        while size > 0:
-            i, key = heap[0], keys[0]
-            size -= 1
-            _sink(heap, keys, size)
-            if key > way[i]:
-                continue  # reached on a shorter way since
+    for_each(len(starts), _shortest_at, (first, nodes, gaps, starts, latest, out))
+
+
+@inlined
+def _shortest_at(label: int, first: NDArray[np.int32], nodes: NDArray[np.int32], gaps: F64,
+                 starts: Mask, latest: F64, out: F64) -> None:
+    way, size = out[label], 0
+    heap, keys = np.zeros(len(nodes), np.int32), np.zeros(len(nodes))
+    for i in range(len(way)):
+        if starts[label, i]:
+            way[i] = 0.0
+    for i in range(len(way)):
+        if starts[label, i]:  # before all others, in any order
             for n in range(first[i], first[i + 1]):
-                there = key + gaps[n]
-                if there < min(way[nodes[n]], latest[nodes[n]]):
-                    way[nodes[n]] = there
-                    _lift(heap, keys, size, nodes[n], there)
+                if gaps[n] < min(way[nodes[n]], latest[nodes[n]]):
+                    way[nodes[n]] = gaps[n]
+                    _lift(heap, keys, size, nodes[n], gaps[n])
                     size += 1
+    while size > 0:
+        i, key = heap[0], keys[0]
+        size -= 1
+        _sink(heap, keys, size)
+        if key > way[i]:
+            continue  # reached on a shorter way since
+        for n in range(first[i], first[i + 1]):
+            there = key + gaps[n]
+            if there < min(way[nodes[n]], latest[nodes[n]]):
+                way[nodes[n]] = there
+                _lift(heap, keys, size, nodes[n], there)
+                size += 1
 
 
 def bonds(states: tuple[Surfels, Surfels], graph: Graph, maps: tuple[DepthMaps, DepthMaps],
@@ -269,22 +274,27 @@ def seen_in(own: Surfels, maps: DepthMaps, v: int, on: float,
     return spots, inside & facing & (np.abs(maps.depths[v][spots[:, 1], spots[:, 0]] - depth) < on)
 
 
-@parallel_kernel
+@kernel
 def _between(spots: NDArray[np.int32], seen: Mask, neighbors: NDArray[np.int32], strength: F32,
              total: F32, count: F32) -> None:
     """Add to total [n, k] the strongest change between neighbours that are both seen."""
-    for i in numba.prange(len(seen)):
-        if not seen[i]:
+    for_each(len(seen), _between_at, (spots, seen, neighbors, strength, total, count))
+
+
+@inlined
+def _between_at(i: int, spots: NDArray[np.int32], seen: Mask, neighbors: NDArray[np.int32],
+                strength: F32, total: F32, count: F32) -> None:
+    if not seen[i]:
+        return
+    for k in range(neighbors.shape[1]):
+        j = neighbors[i, k]
+        if not seen[j]:
             continue
-        for k in range(neighbors.shape[1]):
-            j = neighbors[i, k]
-            if not seen[j]:
-                continue
-            most = np.float32(0)
-            for t in range(SAMPLES):
-                share = t / (SAMPLES - 1)
-                x = spots[i, 0] + share * (spots[j, 0] - spots[i, 0])
-                y = spots[i, 1] + share * (spots[j, 1] - spots[i, 1])
-                most = max(most, strength[int(y + 0.5), int(x + 0.5)])
-            total[i, k] += most
-            count[i, k] += 1
+        most = np.float32(0)
+        for t in range(SAMPLES):
+            share = t / (SAMPLES - 1)
+            x = spots[i, 0] + share * (spots[j, 0] - spots[i, 0])
+            y = spots[i, 1] + share * (spots[j, 1] - spots[i, 1])
+            most = max(most, strength[int(y + 0.5), int(x + 0.5)])
+        total[i, k] += most
+        count[i, k] += 1

@@ -6,7 +6,6 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
@@ -16,7 +15,8 @@ from part2gs_robotics.evidence.light import brightness
 from part2gs_robotics.evidence.surfels import Surfels
 from part2gs_robotics.model import se3
 from part2gs_robotics.model.arrays import F64
-from part2gs_robotics.runtime.jit import inlined, parallel_kernel
+from part2gs_robotics.runtime.for_each import for_each
+from part2gs_robotics.runtime.jit import inlined, kernel
 
 MIN_FREE_VIEWS = 3  # one or two views past a point may be floaters or mask errors
 FREE_COST = 1.0  # contradiction: the other state saw nothing there
@@ -142,75 +142,95 @@ def _match(px: float, py: float, pz: float, nx: float, ny: float, nz: float, col
     return float(cost + min(tint / 3.0 / COLOR_SCALE, 1.0) * 0.5 + CLAIMED_COST * rows[m, 9])
 
 
-@parallel_kernel
+@kernel
 def _score(moves: F64, points: F64, normals: F64, colors: F64, lo: F64, inv: float,
            cells: NDArray[np.int32], rows: F64, tau2: float) -> F64:
     out = np.zeros(len(moves))
-    for h in numba.prange(len(moves)):
-        # Held in registers; neither views nor tuples, which cost three times as much here.
-        a, b, c, u = moves[h, 0, 0], moves[h, 0, 1], moves[h, 0, 2], moves[h, 0, 3]
-        d, e, f, v = moves[h, 1, 0], moves[h, 1, 1], moves[h, 1, 2], moves[h, 1, 3]
-        g, k, m, w = moves[h, 2, 0], moves[h, 2, 1], moves[h, 2, 2], moves[h, 2, 3]
-        total = 0.0
-        for q in range(len(points)):
-            x, y, z = points[q, 0], points[q, 1], points[q, 2]
-            px, py, pz = a * x + b * y + c * z, d * x + e * y + f * z, g * x + k * y + m * z
-            cell = _cell(px + u, py + v, pz + w, lo, inv, cells)
-            cost = FREE_COST if cell & 1 else HIDDEN_COST
-            if cell > 1:
-                x, y, z = normals[q, 0], normals[q, 1], normals[q, 2]
-                nx, ny, nz = a * x + b * y + c * z, d * x + e * y + f * z, g * x + k * y + m * z
-                cost = min(cost, _match(px + u, py + v, pz + w, nx, ny, nz, colors, q,
-                                        (cell >> 1) - 1, rows, tau2))
-            total += cost
-        out[h] = total / len(points)
+    for_each(len(moves), _score_at, (moves, points, normals, colors, lo, inv, cells, rows, tau2,
+                                     out))
     return out
 
 
-@parallel_kernel
+@inlined
+def _score_at(h: int, moves: F64, points: F64, normals: F64, colors: F64, lo: F64, inv: float,
+              cells: NDArray[np.int32], rows: F64, tau2: float, out: F64) -> None:
+    # Held in registers; neither views nor tuples, which cost three times as much here.
+    a, b, c, u = moves[h, 0, 0], moves[h, 0, 1], moves[h, 0, 2], moves[h, 0, 3]
+    d, e, f, v = moves[h, 1, 0], moves[h, 1, 1], moves[h, 1, 2], moves[h, 1, 3]
+    g, k, m, w = moves[h, 2, 0], moves[h, 2, 1], moves[h, 2, 2], moves[h, 2, 3]
+    total = 0.0
+    for q in range(len(points)):
+        x, y, z = points[q, 0], points[q, 1], points[q, 2]
+        px, py, pz = a * x + b * y + c * z, d * x + e * y + f * z, g * x + k * y + m * z
+        cell = _cell(px + u, py + v, pz + w, lo, inv, cells)
+        cost = FREE_COST if cell & 1 else HIDDEN_COST
+        if cell > 1:
+            x, y, z = normals[q, 0], normals[q, 1], normals[q, 2]
+            nx, ny, nz = a * x + b * y + c * z, d * x + e * y + f * z, g * x + k * y + m * z
+            cost = min(cost, _match(px + u, py + v, pz + w, nx, ny, nz, colors, q,
+                                    (cell >> 1) - 1, rows, tau2))
+        total += cost
+    out[h] = total / len(points)
+
+
+@kernel
 def _score_turns(shifts: F64, points: F64, normals: F64, colors: F64, lo: F64, inv: float,
                  cells: NDArray[np.int32], rows: F64, tau2: float) -> F64:
     """Return [P, A] mean costs: [A, N, 3] points turned already, then shifted by [A, P, 3]."""
     out = np.zeros((shifts.shape[1], shifts.shape[0]))
-    for a in numba.prange(shifts.shape[0]):
-        for p in range(shifts.shape[1]):
-            total = 0.0
-            for q in range(points.shape[1]):
-                px = points[a, q, 0] + shifts[a, p, 0]
-                py = points[a, q, 1] + shifts[a, p, 1]
-                pz = points[a, q, 2] + shifts[a, p, 2]
-                cell = _cell(px, py, pz, lo, inv, cells)
-                cost = FREE_COST if cell & 1 else HIDDEN_COST
-                if cell > 1:
-                    cost = min(cost, _match(px, py, pz, normals[a, q, 0], normals[a, q, 1],
-                                            normals[a, q, 2], colors, q, (cell >> 1) - 1, rows,
-                                            tau2))
-                total += cost
-            out[p, a] = total / points.shape[1]
+    for_each(shifts.shape[0], _score_turns_at, (shifts, points, normals, colors, lo, inv, cells,
+                                                rows, tau2, out))
     return out
 
 
-@parallel_kernel
+@inlined
+def _score_turns_at(a: int, shifts: F64, points: F64, normals: F64, colors: F64, lo: F64,
+                    inv: float, cells: NDArray[np.int32], rows: F64, tau2: float,
+                    out: F64) -> None:
+    for p in range(shifts.shape[1]):
+        total = 0.0
+        for q in range(points.shape[1]):
+            px = points[a, q, 0] + shifts[a, p, 0]
+            py = points[a, q, 1] + shifts[a, p, 1]
+            pz = points[a, q, 2] + shifts[a, p, 2]
+            cell = _cell(px, py, pz, lo, inv, cells)
+            cost = FREE_COST if cell & 1 else HIDDEN_COST
+            if cell > 1:
+                cost = min(cost, _match(px, py, pz, normals[a, q, 0], normals[a, q, 1],
+                                        normals[a, q, 2], colors, q, (cell >> 1) - 1, rows,
+                                        tau2))
+            total += cost
+        out[p, a] = total / points.shape[1]
+
+
+@kernel
 def _land(points: F64, normals: F64, colors: F64, shown: F64, behind: NDArray[np.float32], lo: F64,
           inv: float, cells: NDArray[np.int32], rows: F64, tau2: float,
           ) -> tuple[F64, NDArray[np.int64], F64]:
     """Return cost, surfel met or -1 and cost of meeting nothing of every point, moved already."""
     count = len(points)
     cost, index, miss = np.zeros(count), np.full(count, -1), np.zeros(count)
-    for q in numba.prange(count):
-        px, py, pz = points[q, 0], points[q, 1], points[q, 2]
-        cell = _cell(px, py, pz, lo, inv, cells)
-        miss[q] = HIDDEN_COST
-        if cell & 1:
-            miss[q] += (FREE_COST - HIDDEN_COST) * _contradicted(px, py, pz, lo, inv, behind,
-                                                                 shown, q)
-        cost[q] = miss[q]
-        if cell > 1:
-            met = _match(px, py, pz, normals[q, 0], normals[q, 1], normals[q, 2], colors, q,
-                         (cell >> 1) - 1, rows, tau2)
-            if met < miss[q]:
-                cost[q], index[q] = met, (cell >> 1) - 1
+    for_each(count, _land_at, (points, normals, colors, shown, behind, lo, inv, cells, rows, tau2,
+                               cost, index, miss))
     return cost, index, miss
+
+
+@inlined
+def _land_at(q: int, points: F64, normals: F64, colors: F64, shown: F64,
+             behind: NDArray[np.float32], lo: F64, inv: float, cells: NDArray[np.int32], rows: F64,
+             tau2: float, cost: F64, index: NDArray[np.int64], miss: F64) -> None:
+    px, py, pz = points[q, 0], points[q, 1], points[q, 2]
+    cell = _cell(px, py, pz, lo, inv, cells)
+    miss[q] = HIDDEN_COST
+    if cell & 1:
+        miss[q] += (FREE_COST - HIDDEN_COST) * _contradicted(px, py, pz, lo, inv, behind,
+                                                             shown, q)
+    cost[q] = miss[q]
+    if cell > 1:
+        met = _match(px, py, pz, normals[q, 0], normals[q, 1], normals[q, 2], colors, q,
+                     (cell >> 1) - 1, rows, tau2)
+        if met < miss[q]:
+            cost[q], index[q] = met, (cell >> 1) - 1
 
 
 def _grid(target: Landing, tau: float) -> tuple[Any, ...]:

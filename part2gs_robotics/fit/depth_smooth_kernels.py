@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import get_thread_id, prange
+from numba import get_thread_id
 from numpy.typing import NDArray
 
 from part2gs_robotics.runtime.fast_math import log_above_one, power8
-from part2gs_robotics.runtime.jit import inlined, parallel_kernel
+from part2gs_robotics.runtime.for_each import for_each
+from part2gs_robotics.runtime.jit import inlined, kernel
 from part2gs_robotics.runtime.simd import LANES, Lane, load, most, splat, store, total, where_ge
 
 Floats = NDArray[np.floating]
@@ -93,25 +94,33 @@ def _fill_row(depth: Floats, alpha: Floats, photo: NDArray[np.generic], mask: Fl
     edges[PAD + width:] = running + GAP
 
 
-@parallel_kernel
+@kernel
 def along_rows(depth: Floats, alpha: Floats, photo: NDArray[np.generic], mask: Floats, y0: int,
                x0: int, width: int, diagonal: float, range_of: float, inverse: Floats,
                size: Floats, grad: Floats, scratch: Floats, losses: Floats) -> None:
     """Fill inverse depths, sizes, and the gradient by inverse depth of bends along rows."""
     height, stride = inverse.shape
-    for y in prange(height):
-        s = scratch[get_thread_id()]
-        edges, pulls = s[:stride], s[stride:2 * stride]
-        _fill_row(depth, alpha, photo, mask, y0 + y, x0, width, diagonal, range_of, inverse[y],
-                  size[y], edges)
-        grad[y, :], pulls[:] = 0, 0
-        loss = splat(s.dtype.type(0))
-        for span in SPANS:
-            for x in range(PAD, stride - PAD, LANES):
-                loss = loss + _bends(inverse[y], size[y], x, edges, pulls, x, 1, span)
-            for x in range(PAD, stride - PAD, LANES):
-                store(grad[y], np.uint64(x), load(grad[y], np.uint64(x)) + _spread(pulls, x, span))
-        losses[y] = total(loss)
+    for_each(height, _along_rows_at, (depth, alpha, photo, mask, y0, x0, width, diagonal, range_of,
+                                      inverse, size, grad, scratch, losses, stride))
+
+
+@inlined
+def _along_rows_at(y: int, depth: Floats, alpha: Floats, photo: NDArray[np.generic], mask: Floats,
+                   y0: int, x0: int, width: int, diagonal: float, range_of: float, inverse: Floats,
+                   size: Floats, grad: Floats, scratch: Floats, losses: Floats,
+                   stride: int) -> None:
+    s = scratch[get_thread_id()]
+    edges, pulls = s[:stride], s[stride:2 * stride]
+    _fill_row(depth, alpha, photo, mask, y0 + y, x0, width, diagonal, range_of, inverse[y],
+              size[y], edges)
+    grad[y, :], pulls[:] = 0, 0
+    loss = splat(s.dtype.type(0))
+    for span in SPANS:
+        for x in range(PAD, stride - PAD, LANES):
+            loss = loss + _bends(inverse[y], size[y], x, edges, pulls, x, 1, span)
+        for x in range(PAD, stride - PAD, LANES):
+            store(grad[y], np.uint64(x), load(grad[y], np.uint64(x)) + _spread(pulls, x, span))
+    losses[y] = total(loss)
 
 
 @inlined
@@ -142,7 +151,7 @@ def _write(depth: Floats, alpha: Floats, y0: int, x0: int, width: int, left: int
                 by_alpha[v, u], by_depth[v, u] = slope, -slope * alpha[v, u] / depth[v, u]
 
 
-@parallel_kernel
+@kernel
 def along_columns(depth: Floats, alpha: Floats, photo: NDArray[np.generic], y0: int, x0: int,
                   width: int, range_of: float, scale: float, inverse: Floats, size: Floats,
                   grad: Floats, scratch: Floats, by_depth: Floats, by_alpha: Floats,
@@ -151,23 +160,35 @@ def along_columns(depth: Floats, alpha: Floats, photo: NDArray[np.generic], y0: 
     height, stride = inverse.shape
     whole, sizes, grads = inverse.reshape(-1), size.reshape(-1), grad.reshape(-1)
     length = (height + 2 * PAD) * STRIP
-    for strip in prange((stride - 2 * PAD) // STRIP):
-        s = scratch[get_thread_id()]
-        edges, pulls, left = s[:length], s[length:2 * length], strip * STRIP
-        for k in range(STRIP):
-            x = left + k
-            _fill_column(photo, inverse, y0, x0 + x, PAD + x, k, x < width, range_of, edges)
-        loss = splat(s.dtype.type(0))
-        for span in SPANS:
-            pulls[:] = 0  # the first and last `span` rows have none
-            for y in range(span, height - span):
-                for k in range(0, STRIP, LANES):
-                    loss = loss + _bends(whole, sizes, y * stride + PAD + left + k, edges, pulls,
-                                         (PAD + y) * STRIP + k, stride, span)
-            for y in range(height):
-                for k in range(0, STRIP, LANES):
-                    at = np.uint64(y * stride + PAD + left + k)
-                    store(grads, at, load(grads, at)
-                          + _spread(pulls, (PAD + y) * STRIP + k, span * STRIP))
-        losses[height + strip] = total(loss)
-        _write(depth, alpha, y0, x0, width, left, scale, inverse, grad, by_depth, by_alpha)
+    for_each((stride - 2 * PAD) // STRIP, _along_columns_at, (depth, alpha, photo, y0, x0, width,
+                                                              range_of, scale, inverse, grad,
+                                                              scratch, by_depth, by_alpha, losses,
+                                                              height, stride, whole, sizes, grads,
+                                                              length))
+
+
+@inlined
+def _along_columns_at(strip: int, depth: Floats, alpha: Floats, photo: NDArray[np.generic], y0: int,
+                      x0: int, width: int, range_of: float, scale: float, inverse: Floats,
+                      grad: Floats, scratch: Floats, by_depth: Floats, by_alpha: Floats,
+                      losses: Floats, height: int, stride: int, whole: Floats, sizes: Floats,
+                      grads: Floats, length: int) -> None:
+    s = scratch[get_thread_id()]
+    edges, pulls, left = s[:length], s[length:2 * length], strip * STRIP
+    for k in range(STRIP):
+        x = left + k
+        _fill_column(photo, inverse, y0, x0 + x, PAD + x, k, x < width, range_of, edges)
+    loss = splat(s.dtype.type(0))
+    for span in SPANS:
+        pulls[:] = 0  # the first and last `span` rows have none
+        for y in range(span, height - span):
+            for k in range(0, STRIP, LANES):
+                loss = loss + _bends(whole, sizes, y * stride + PAD + left + k, edges, pulls,
+                                     (PAD + y) * STRIP + k, stride, span)
+        for y in range(height):
+            for k in range(0, STRIP, LANES):
+                at = np.uint64(y * stride + PAD + left + k)
+                store(grads, at, load(grads, at)
+                      + _spread(pulls, (PAD + y) * STRIP + k, span * STRIP))
+    losses[height + strip] = total(loss)
+    _write(depth, alpha, y0, x0, width, left, scale, inverse, grad, by_depth, by_alpha)

@@ -31,9 +31,8 @@ from part2gs_robotics.model.arrays import F64
 from part2gs_robotics.model.gaussians import Gaussians
 from part2gs_robotics.model.scene import Camera, StateViews
 from part2gs_robotics.render.dispatch import Rendered, render_backward
-from part2gs_robotics.runtime.adam import Adam
+from part2gs_robotics.runtime.adam import Adam, require_finite
 from part2gs_robotics.runtime.buffers import Workspace
-from part2gs_robotics.runtime.finite import require_finite
 
 Floats = NDArray[np.floating]
 # step, steps, last held-out PSNR, and who returns the Gaussians so far

@@ -5,14 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import cv2
-import numba as nb
 import numpy as np
 from numpy.typing import NDArray
 
 from part2gs_robotics.errors import FitError
 from part2gs_robotics.model.arrays import F32, F64
 from part2gs_robotics.model.scene import StateViews
-from part2gs_robotics.runtime.jit import kernel, parallel_kernel
+from part2gs_robotics.runtime.for_each import for_each
+from part2gs_robotics.runtime.jit import inlined, kernel
 
 Floats = NDArray[np.floating]
 
@@ -179,14 +179,19 @@ def _grid(lo: F64, hi: F64, voxel: float, cams: F64, dist: F32, votes: int) -> F
     return values
 
 
-@parallel_kernel
+@kernel
 def _vote(points: Floats, cams: Floats, dist: Floats, inside: NDArray[np.bool_],
           seen: NDArray[np.bool_]) -> None:
-    for v in nb.prange(len(cams)):
-        for i in range(len(points)):
-            d, _ = _look(cams[v], dist[v], points[i, 0], points[i, 1], points[i, 2])
-            seen[v, i] = d > -1e5
-            inside[v, i] = d > 0.0
+    for_each(len(cams), _vote_at, (points, cams, dist, inside, seen))
+
+
+@inlined
+def _vote_at(v: int, points: Floats, cams: Floats, dist: Floats, inside: NDArray[np.bool_],
+             seen: NDArray[np.bool_]) -> None:
+    for i in range(len(points)):
+        d, _ = _look(cams[v], dist[v], points[i, 0], points[i, 1], points[i, 2])
+        seen[v, i] = d > -1e5
+        inside[v, i] = d > 0.0
 
 
 @kernel
@@ -234,7 +239,7 @@ def _hull_distance(cams: Floats, dist: Floats, focal: Floats, x: float, y: float
     return low[min(votes - 1, seen // FORGIVE_EVERY)]
 
 
-@parallel_kernel
+@kernel
 def _carve_blocks(values: Floats, first: Floats, voxel: float, cams: Floats, dist: Floats,
                   votes: int) -> None:
     nx, ny, nz = values.shape
@@ -245,26 +250,33 @@ def _carve_blocks(values: Floats, first: Floats, voxel: float, cams: Floats, dis
         focal[v] = np.sqrt(max((a * a).sum() - (a * c).sum() ** 2, 1e-12))
     band = BAND * voxel
     reach = 0.5 * np.sqrt(3.0) * BLOCK * voxel + band
-    for b in nb.prange(bx * by * bz):
-        low = np.zeros(votes)
-        i0, j0, k0 = b // (by * bz) * BLOCK, b // bz % by * BLOCK, b % bz * BLOCK
-        half = (BLOCK - 1) / 2.0
-        d = _hull_distance(cams, dist, focal, first[0] + voxel * (i0 + half),
-                           first[1] + voxel * (j0 + half), first[2] + voxel * (k0 + half),
-                           votes, -1.3 * reach, low)
-        # A pixel distance turned into length changes by up to ~1.2 times the step near the frame
-        # corner and with depth across the block; the block test keeps that much in reserve.
-        decided = abs(d) > 1.2 * reach and d > -1e5
-        for i in range(i0, min(i0 + BLOCK, nx)):
-            for j in range(j0, min(j0 + BLOCK, ny)):
-                for k in range(k0, min(k0 + BLOCK, nz)):
-                    if decided:
-                        values[i, j, k] = band if d > 0 else -band
-                    else:
-                        e = _hull_distance(cams, dist, focal, first[0] + voxel * i,
-                                           first[1] + voxel * j, first[2] + voxel * k, votes, -band,
-                                           low)
-                        values[i, j, k] = min(max(e, -band), band)
+    for_each(bx * by * bz, _carve_blocks_at, (values, first, voxel, cams, dist, votes, nx, ny, nz,
+                                              by, bz, focal, band, reach))
+
+
+@inlined
+def _carve_blocks_at(b: int, values: Floats, first: Floats, voxel: float, cams: Floats,
+                     dist: Floats, votes: int, nx: int, ny: int, nz: int, by: int, bz: int,
+                     focal: Floats, band: float, reach: float) -> None:
+    low = np.zeros(votes)
+    i0, j0, k0 = b // (by * bz) * BLOCK, b // bz % by * BLOCK, b % bz * BLOCK
+    half = (BLOCK - 1) / 2.0
+    d = _hull_distance(cams, dist, focal, first[0] + voxel * (i0 + half),
+                       first[1] + voxel * (j0 + half), first[2] + voxel * (k0 + half),
+                       votes, -1.3 * reach, low)
+    # A pixel distance turned into length changes by up to ~1.2 times the step near the frame
+    # corner and with depth across the block; the block test keeps that much in reserve.
+    decided = abs(d) > 1.2 * reach and d > -1e5
+    for i in range(i0, min(i0 + BLOCK, nx)):
+        for j in range(j0, min(j0 + BLOCK, ny)):
+            for k in range(k0, min(k0 + BLOCK, nz)):
+                if decided:
+                    values[i, j, k] = band if d > 0 else -band
+                else:
+                    e = _hull_distance(cams, dist, focal, first[0] + voxel * i,
+                                       first[1] + voxel * j, first[2] + voxel * k, votes, -band,
+                                       low)
+                    values[i, j, k] = min(max(e, -band), band)
 
 
 @kernel

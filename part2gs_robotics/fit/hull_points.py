@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-import numba as nb
 import numpy as np
 from numpy.typing import NDArray
 
 from part2gs_robotics.fit.hull import Hull
 from part2gs_robotics.model.arrays import F32, F64
 from part2gs_robotics.model.scene import StateViews
-from part2gs_robotics.runtime.jit import kernel, parallel_kernel
+from part2gs_robotics.runtime.for_each import for_each
+from part2gs_robotics.runtime.jit import inlined, kernel
 
 Floats = NDArray[np.floating]
 
@@ -97,40 +97,47 @@ def _blocked(values: Floats, lo: Floats, voxel: float, x: float, y: float, z: fl
         t += max(-d, 0.7 * voxel)
 
 
-@parallel_kernel
+@kernel
 def _colors(values: Floats, lo: Floats, voxel: float, points: Floats, normals: Floats,
             cams: Floats, eyes: Floats, images: NDArray[np.uint8], alphas: NDArray[np.uint8],
             colors: Floats, spread: Floats) -> None:
     views, height, width = alphas.shape
-    for n in nb.prange(len(points)):
-        found = np.zeros((views, 3), np.float32)
-        count = 0
-        x, y, z = points[n, 0], points[n, 1], points[n, 2]
-        for v in range(views):
-            dx, dy, dz = eyes[v, 0] - x, eyes[v, 1] - y, eyes[v, 2] - z
-            far = np.sqrt(dx * dx + dy * dy + dz * dz)
-            dx, dy, dz = dx / far, dy / far, dz / far
-            if dx * normals[n, 0] + dy * normals[n, 1] + dz * normals[n, 2] < FACING:
-                continue
-            c = cams[v]
-            w = c[2, 0] * x + c[2, 1] * y + c[2, 2] * z + c[2, 3]
-            if w <= 0:
-                continue
-            col = int(np.floor((c[0, 0] * x + c[0, 1] * y + c[0, 2] * z + c[0, 3]) / w))
-            row = int(np.floor((c[1, 0] * x + c[1, 1] * y + c[1, 2] * z + c[1, 3]) / w))
-            if col < 0 or row < 0 or col >= width or row >= height:
-                continue
-            if alphas[v, row, col] < 128 or _blocked(values, lo, voxel, x, y, z, dx, dy, dz):
-                continue
-            for k in range(3):
-                found[count, k] = images[v, row, col, k]
-            count += 1
-        if count == 0:
+    for_each(len(points), _colors_at, (values, lo, voxel, points, normals, cams, eyes, images,
+                                       alphas, colors, spread, views, height, width))
+
+
+@inlined
+def _colors_at(n: int, values: Floats, lo: Floats, voxel: float, points: Floats, normals: Floats,
+               cams: Floats, eyes: Floats, images: NDArray[np.uint8], alphas: NDArray[np.uint8],
+               colors: Floats, spread: Floats, views: int, height: int, width: int) -> None:
+    found = np.zeros((views, 3), np.float32)
+    count = 0
+    x, y, z = points[n, 0], points[n, 1], points[n, 2]
+    for v in range(views):
+        dx, dy, dz = eyes[v, 0] - x, eyes[v, 1] - y, eyes[v, 2] - z
+        far = np.sqrt(dx * dx + dy * dy + dz * dz)
+        dx, dy, dz = dx / far, dy / far, dz / far
+        if dx * normals[n, 0] + dy * normals[n, 1] + dz * normals[n, 2] < FACING:
             continue
-        total = 0.0
+        c = cams[v]
+        w = c[2, 0] * x + c[2, 1] * y + c[2, 2] * z + c[2, 3]
+        if w <= 0:
+            continue
+        col = int(np.floor((c[0, 0] * x + c[0, 1] * y + c[0, 2] * z + c[0, 3]) / w))
+        row = int(np.floor((c[1, 0] * x + c[1, 1] * y + c[1, 2] * z + c[1, 3]) / w))
+        if col < 0 or row < 0 or col >= width or row >= height:
+            continue
+        if alphas[v, row, col] < 128 or _blocked(values, lo, voxel, x, y, z, dx, dy, dz):
+            continue
         for k in range(3):
-            middle = np.median(found[:count, k])
-            colors[n, k] = middle / np.float32(255)
-            total += np.abs(found[:count, k] - middle).mean() / 255.0
-        if count >= 2:
-            spread[n] = total / 3.0
+            found[count, k] = images[v, row, col, k]
+        count += 1
+    if count == 0:
+        return
+    total = 0.0
+    for k in range(3):
+        middle = np.median(found[:count, k])
+        colors[n, k] = middle / np.float32(255)
+        total += np.abs(found[:count, k] - middle).mean() / 255.0
+    if count >= 2:
+        spread[n] = total / 3.0

@@ -5,11 +5,12 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import get_num_threads, get_thread_id, prange
+from numba import get_num_threads, get_thread_id
 from numpy.typing import NDArray
 
 from part2gs_robotics.runtime.buffers import Workspace
-from part2gs_robotics.runtime.jit import inlined, parallel_kernel
+from part2gs_robotics.runtime.for_each import for_each
+from part2gs_robotics.runtime.jit import inlined, kernel
 from part2gs_robotics.runtime.simd import LANES, Lane, load, splat, store, total
 
 Floats = NDArray[np.floating]
@@ -90,26 +91,32 @@ def _clear_border(plane: Floats, y: int, height: int, stride: int) -> None:
         plane[(RADIUS + height) * stride:] = 0
 
 
-@parallel_kernel
+@kernel
 def _blur_rows(image: Floats, target: Floats, y0: int, x0: int, height: int, width: int,
                rows: Floats, blurred: Floats) -> None:
     """Blur x, y, xx, yy, xy along rows into planes [C, 5, (RADIUS + H + RADIUS) * stride]."""
     size = rows.shape[1] // MAPS
     stride = size - 2 * PAD
-    for job in prange(image.shape[2] * height):
-        c, y = job // height, job % height
-        row = rows[get_thread_id()]
-        for x in range(width):
-            a, b = image[y0 + y, x0 + x, c], target[y0 + y, x0 + x, c]
-            at = PAD + x
-            row[at], row[at + size] = a, b
-            row[at + 2 * size], row[at + 3 * size], row[at + 4 * size] = a * a, b * b, a * b
-        for m in range(MAPS):
-            plane = blurred[c, m]
-            _clear_border(plane, y, height, stride)
-            for x in range(0, stride, LANES):
-                store(plane, np.uint64((RADIUS + y) * stride + x),
-                      _blur(row, np.uint64(m * size + PAD + x), np.uint64(1)))
+    for_each(image.shape[2] * height, _blur_rows_at, (image, target, y0, x0, height, width, rows,
+                                                      blurred, size, stride))
+
+
+@inlined
+def _blur_rows_at(job: int, image: Floats, target: Floats, y0: int, x0: int, height: int,
+                  width: int, rows: Floats, blurred: Floats, size: int, stride: int) -> None:
+    c, y = job // height, job % height
+    row = rows[get_thread_id()]
+    for x in range(width):
+        a, b = image[y0 + y, x0 + x, c], target[y0 + y, x0 + x, c]
+        at = PAD + x
+        row[at], row[at + size] = a, b
+        row[at + 2 * size], row[at + 3 * size], row[at + 4 * size] = a * a, b * b, a * b
+    for m in range(MAPS):
+        plane = blurred[c, m]
+        _clear_border(plane, y, height, stride)
+        for x in range(0, stride, LANES):
+            store(plane, np.uint64((RADIUS + y) * stride + x),
+                  _blur(row, np.uint64(m * size + PAD + x), np.uint64(1)))
 
 
 @inlined
@@ -126,52 +133,65 @@ def _similarity(mx: Lane, my: Lane, xx: Lane, yy: Lane, xy: Lane, c1: Lane, c2: 
     return s, two * (my * (top2 - top1) * inv - mx * ratio), by_xx, two * top1 * inv
 
 
-@parallel_kernel
+@kernel
 def _compare(height: int, stride: int, inside: Floats, rows: Floats, blurred: Floats, by: Floats,
              sums: Floats) -> None:
     """Blur the planes along columns; sum SSIM per row; blur its derivatives along rows."""
     step, size = np.uint64(stride), stride + 2 * PAD
-    for job in prange(len(blurred) * height):
-        f = inside.dtype.type
-        c, y = job // height, job % height
-        row, found = rows[get_thread_id()], splat(f(0))
+    for_each(len(blurred) * height, _compare_at, (height, stride, inside, rows, blurred, by, sums,
+                                                  step, size))
+
+
+@inlined
+def _compare_at(job: int, height: int, stride: int, inside: Floats, rows: Floats, blurred: Floats,
+                by: Floats, sums: Floats, step: np.uint64, size: int) -> None:
+    f = inside.dtype.type
+    c, y = job // height, job % height
+    row, found = rows[get_thread_id()], splat(f(0))
+    for x in range(0, stride, LANES):
+        at, to = np.uint64((RADIUS + y) * stride + x), np.uint64(PAD + x)
+        s, by_mean, by_xx, by_xy = _similarity(
+            _blur(blurred[c, 0], at, step), _blur(blurred[c, 1], at, step),
+            _blur(blurred[c, 2], at, step), _blur(blurred[c, 3], at, step),
+            _blur(blurred[c, 4], at, step), splat(f(C1)), splat(f(C2)), splat(f(1)))
+        here = load(inside, np.uint64(x))
+        found = found + s * here
+        store(row, to, by_mean * here)
+        store(row, to + np.uint64(size), by_xx * here)
+        store(row, to + np.uint64(2 * size), by_xy * here)
+    sums[job] = total(found)
+    for m in range(BY):
+        plane = by[c, m]
+        _clear_border(plane, y, height, stride)
         for x in range(0, stride, LANES):
-            at, to = np.uint64((RADIUS + y) * stride + x), np.uint64(PAD + x)
-            s, by_mean, by_xx, by_xy = _similarity(
-                _blur(blurred[c, 0], at, step), _blur(blurred[c, 1], at, step),
-                _blur(blurred[c, 2], at, step), _blur(blurred[c, 3], at, step),
-                _blur(blurred[c, 4], at, step), splat(f(C1)), splat(f(C2)), splat(f(1)))
-            here = load(inside, np.uint64(x))
-            found = found + s * here
-            store(row, to, by_mean * here)
-            store(row, to + np.uint64(size), by_xx * here)
-            store(row, to + np.uint64(2 * size), by_xy * here)
-        sums[job] = total(found)
-        for m in range(BY):
-            plane = by[c, m]
-            _clear_border(plane, y, height, stride)
-            for x in range(0, stride, LANES):
-                store(plane, np.uint64((RADIUS + y) * stride + x),
-                      _blur(row, np.uint64(m * size + PAD + x), np.uint64(1)))
+            store(plane, np.uint64((RADIUS + y) * stride + x),
+                  _blur(row, np.uint64(m * size + PAD + x), np.uint64(1)))
 
 
-@parallel_kernel
+@kernel
 def _combine(image: Floats, target: Floats, y0: int, x0: int, height: int, width: int, w_l1: float,
              w_ssim: float, rows: Floats, by: Floats, grad: Floats, sums: Floats) -> None:
     """Blur the derivatives along columns, fill the gradient, and sum |x - y| per row."""
     size = rows.shape[1] // MAPS
     stride = size - 2 * PAD
-    for job in prange(image.shape[2] * height):
-        c, y = job // height, job % height
-        row, found, step = rows[get_thread_id()], 0.0, np.uint64(stride)
-        for m in range(BY):
-            for x in range(0, stride, LANES):
-                store(row, np.uint64(m * size + x),
-                      _blur(by[c, m], np.uint64((RADIUS + y) * stride + x), step))
-        for x in range(width):
-            a, b = image[y0 + y, x0 + x, c], target[y0 + y, x0 + x, c]
-            found += abs(a - b)
-            sign = 1.0 if a > b else (-1.0 if a < b else 0.0)
-            by_x = row[x] + 2 * a * row[size + x] + b * row[2 * size + x]
-            grad[y0 + y, x0 + x, c] = w_l1 * sign - w_ssim * by_x
-        sums[job] = found
+    for_each(image.shape[2] * height, _combine_at, (image, target, y0, x0, height, width, w_l1,
+                                                    w_ssim, rows, by, grad, sums, size, stride))
+
+
+@inlined
+def _combine_at(job: int, image: Floats, target: Floats, y0: int, x0: int, height: int, width: int,
+                w_l1: float, w_ssim: float, rows: Floats, by: Floats, grad: Floats, sums: Floats,
+                size: int, stride: int) -> None:
+    c, y = job // height, job % height
+    row, found, step = rows[get_thread_id()], 0.0, np.uint64(stride)
+    for m in range(BY):
+        for x in range(0, stride, LANES):
+            store(row, np.uint64(m * size + x),
+                  _blur(by[c, m], np.uint64((RADIUS + y) * stride + x), step))
+    for x in range(width):
+        a, b = image[y0 + y, x0 + x, c], target[y0 + y, x0 + x, c]
+        found += abs(a - b)
+        sign = 1.0 if a > b else (-1.0 if a < b else 0.0)
+        by_x = row[x] + 2 * a * row[size + x] + b * row[2 * size + x]
+        grad[y0 + y, x0 + x, c] = w_l1 * sign - w_ssim * by_x
+    sums[job] = found

@@ -10,8 +10,8 @@ from part2gs_robotics.model.gaussians import SH_C0, Gaussians, Splats, opacities
 from part2gs_robotics.model.scene import Camera
 from part2gs_robotics.model.se3 import unit_quats
 from part2gs_robotics.render.dispatch import Gradients, Rendered, render, render_backward
+from part2gs_robotics.runtime.adam import require_finite
 from part2gs_robotics.runtime.buffers import Workspace
-from part2gs_robotics.runtime.finite import require_finite
 
 Params = dict[str, F32]
 

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
 from part2gs_robotics.model.arrays import F32, F64
-from part2gs_robotics.runtime.jit import inlined, kernel, parallel_kernel
+from part2gs_robotics.runtime.for_each import for_each
+from part2gs_robotics.runtime.jit import inlined, kernel
 from part2gs_robotics.runtime.simd import LANES, Lane, least, load, most, store
 
 TRUNCATED = 0.15  # of the colour range: beyond, a view sees something else, however much
@@ -28,7 +28,7 @@ def _inside(values: F32, x: float, y: float, z: float) -> bool:
     return bool(values[i, j, k] > 0.0)
 
 
-@parallel_kernel
+@kernel
 def hull_span(values: F32, eye: F64, rays: F64, mask: NDArray[np.bool_], near: float, far: float,
               step: float, first: F32, last: F32) -> None:
     """Fill the first and last depth at which every pixel's ray is inside a grid.
@@ -46,23 +46,29 @@ def hull_span(values: F32, eye: F64, rays: F64, mask: NDArray[np.bool_], near: f
     """
     height, width = mask.shape
     count = int((far - near) / step) + 1
-    for i in numba.prange(height):
-        for j in range(width):
-            if not mask[i, j]:
-                continue
-            dx, dy, dz = rays[i, j, 0], rays[i, j, 1], rays[i, j, 2]
-            for n in range(count):
-                t = near + n * step
-                if _inside(values, eye[0] + t * dx, eye[1] + t * dy, eye[2] + t * dz):
-                    first[i, j] = t
-                    break
-            if first[i, j] == 0.0:
-                continue
-            for n in range(count):
-                t = far - n * step
-                if _inside(values, eye[0] + t * dx, eye[1] + t * dy, eye[2] + t * dz):
-                    last[i, j] = t
-                    break
+    for_each(height, _hull_span_at, (values, eye, rays, mask, near, far, step, first, last, width,
+                                     count))
+
+
+@inlined
+def _hull_span_at(i: int, values: F32, eye: F64, rays: F64, mask: NDArray[np.bool_], near: float,
+                  far: float, step: float, first: F32, last: F32, width: int, count: int) -> None:
+    for j in range(width):
+        if not mask[i, j]:
+            continue
+        dx, dy, dz = rays[i, j, 0], rays[i, j, 1], rays[i, j, 2]
+        for n in range(count):
+            t = near + n * step
+            if _inside(values, eye[0] + t * dx, eye[1] + t * dy, eye[2] + t * dz):
+                first[i, j] = t
+                break
+        if first[i, j] == 0.0:
+            continue
+        for n in range(count):
+            t = far - n * step
+            if _inside(values, eye[0] + t * dx, eye[1] + t * dy, eye[2] + t * dz):
+                last[i, j] = t
+                break
 
 
 @inlined
@@ -141,7 +147,7 @@ def _least_first(seen: F32, count: int, size: int, used: int, low: int, high: in
         store(seen, at, _sum(seen, at, np.uint64(size), used))
 
 
-@parallel_kernel
+@kernel
 def matching_cost(image: F32, first: F32, last: F32, inverse: F64, rays: F64, cams: F64,
                   others: F32, used: int, front: float, cost: F32) -> None:
     """Fill the colour disagreement of every pixel at every depth between first and last.
@@ -160,23 +166,30 @@ def matching_cost(image: F32, first: F32, last: F32, inverse: F64, rays: F64, ca
     """
     height, width, bins = cost.shape
     size = (bins + LANES - 1) // LANES * LANES
-    for i in numba.prange(height):
-        seen, places = np.zeros(len(cams) * size, np.float32), np.zeros((3, bins))
-        for j in range(width):
-            low, high = _between(first[i, j], last[i, j], inverse)
-            cost[i, j, :low], cost[i, j, high:] = 2 * TRUNCATED, 2 * TRUNCATED
-            if low == high:
-                continue
-            for k in range(low, high):
-                z = 1.0 / inverse[k]
-                places[0, k], places[1, k], places[2, k] = rays[i, j, 0] * z, rays[i, j, 1] * z, z
-            r, g, b = image[i, j, 0], image[i, j, 1], image[i, j, 2]
-            for n in range(len(cams)):
-                _look(r, g, b, places, cams, others, n, low, high, seen, n * size)
-            _least_first(seen, len(cams), size, used, low, high)
-            for k in range(low, high):
-                behind = (1.0 / first[i, j] - inverse[k]) / (inverse[0] - inverse[1])
-                cost[i, j, k] = seen[k] / used + front * max(behind, 0.0)
+    for_each(height, _matching_cost_at, (image, first, last, inverse, rays, cams, others, used,
+                                         front, cost, width, bins, size))
+
+
+@inlined
+def _matching_cost_at(i: int, image: F32, first: F32, last: F32, inverse: F64, rays: F64, cams: F64,
+                      others: F32, used: int, front: float, cost: F32, width: int, bins: int,
+                      size: int) -> None:
+    seen, places = np.zeros(len(cams) * size, np.float32), np.zeros((3, bins))
+    for j in range(width):
+        low, high = _between(first[i, j], last[i, j], inverse)
+        cost[i, j, :low], cost[i, j, high:] = 2 * TRUNCATED, 2 * TRUNCATED
+        if low == high:
+            continue
+        for k in range(low, high):
+            z = 1.0 / inverse[k]
+            places[0, k], places[1, k], places[2, k] = rays[i, j, 0] * z, rays[i, j, 1] * z, z
+        r, g, b = image[i, j, 0], image[i, j, 1], image[i, j, 2]
+        for n in range(len(cams)):
+            _look(r, g, b, places, cams, others, n, low, high, seen, n * size)
+        _least_first(seen, len(cams), size, used, low, high)
+        for k in range(low, high):
+            behind = (1.0 / first[i, j] - inverse[k]) / (inverse[0] - inverse[1])
+            cost[i, j, k] = seen[k] / used + front * max(behind, 0.0)
 
 
 @inlined
@@ -206,8 +219,17 @@ def _advance(before: F32, cost: F32, big: np.float32, shift: int, least: np.floa
         total[k] += here[p]
 
 
-@kernel
-def _walk(line: np.int64, cost: F32, total: F32, image: F32, mask: NDArray[np.bool_], front: F32,
+@inlined
+def _smallest(values: F32) -> np.float32:
+    """Return the least of some numbers; Numba's own takes a second to compile."""
+    found = values[0]
+    for k in range(len(values)):
+        found = values[k] if values[k] < found else found
+    return found
+
+
+@inlined
+def _walk(line: int, cost: F32, total: F32, image: F32, mask: NDArray[np.bool_], front: F32,
           dy: int, dx: int) -> None:
     """Add the aggregated cost along one path of direction (dy, dx)."""
     height, width, bins = cost.shape
@@ -221,15 +243,16 @@ def _walk(line: np.int64, cost: F32, total: F32, image: F32, mask: NDArray[np.bo
             return
     # Unreachable bins at both ends, so that a step beyond the depths needs no test in the loop.
     before = np.full(bins + 2 * STEEP, UNREACHABLE, np.float32)
-    here = before.copy()
+    here = np.full(bins + 2 * STEEP, UNREACHABLE, np.float32)
     start, least = True, np.float32(0.0)
     while y >= 0 and y < height and x >= 0 and x < width:
         if not mask[y, x]:
             start = True
         else:
             if start:
-                here[STEEP:STEEP + bins] = cost[y, x]
-                total[y, x] += cost[y, x]
+                for k in range(bins):
+                    here[STEEP + k] = cost[y, x, k]
+                    total[y, x, k] += cost[y, x, k]
             else:
                 edge, py, px = 0.0, y - dy, x - dx
                 for c in range(3):
@@ -238,12 +261,12 @@ def _walk(line: np.int64, cost: F32, total: F32, image: F32, mask: NDArray[np.bo
                 slope = front[y, x] - front[py, px]
                 shift = int(slope) if abs(slope) < STEEP else 0
                 _advance(before, cost[y, x], np.float32(big), shift, least, here, total[y, x])
-            start, least = False, here.min()
+            start, least = False, _smallest(here)
             before, here = here, before
         y, x = y + dy, x + dx
 
 
-@parallel_kernel
+@kernel
 def aggregate(cost: F32, total: F32, image: F32, mask: NDArray[np.bool_], front: F32, dy: int,
               dx: int) -> None:
     """Add to `total` the cost of the best depth profile along all paths of one direction.
@@ -260,5 +283,4 @@ def aggregate(cost: F32, total: F32, image: F32, mask: NDArray[np.bool_], front:
     Source: semi-global matching (Hirschmüller 2008) with the hull as slope prior (as in
     Scharstein et al. 2017).
     """
-    for line in numba.prange(cost.shape[0] + cost.shape[1]):
-        _walk(np.int64(line), cost, total, image, mask, front, dy, dx)
+    for_each(cost.shape[0] + cost.shape[1], _walk, (cost, total, image, mask, front, dy, dx))

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import cv2
 import numpy as np
-from numba import prange
 from numpy.typing import NDArray
 
 from part2gs_robotics.model.arrays import F32
 from part2gs_robotics.model.scene import StateViews
 from part2gs_robotics.runtime.buffers import Workspace
-from part2gs_robotics.runtime.jit import parallel_kernel
+from part2gs_robotics.runtime.for_each import for_each
+from part2gs_robotics.runtime.jit import inlined, kernel
 
 
 class Views:
@@ -51,15 +51,20 @@ def _shrink(image: NDArray[np.uint8], alpha: NDArray[np.uint8], size: tuple[int,
     return np.clip(color / np.maximum(part, 1e-6)[..., None] + 0.5, 0, 255).astype(np.uint8)
 
 
-@parallel_kernel
+@kernel
 def _compose(photo: NDArray[np.uint8], mask: NDArray[np.uint8], background: F32, image: F32,
              alpha: F32) -> None:
     """Fill image with the photo over a background, and alpha with its mask in [0, 1]."""
     grey = np.float32(1 / 255)
-    for y in prange(len(mask)):
-        for x in range(mask.shape[1]):
-            a = np.float32(mask[y, x]) * grey
-            alpha[y, x] = a
-            for c in range(3):
-                image[y, x, c] = (np.float32(photo[y, x, c]) * grey * a
-                                  + background[c] * (np.float32(1) - a))
+    for_each(len(mask), _compose_at, (photo, mask, background, image, alpha, grey))
+
+
+@inlined
+def _compose_at(y: int, photo: NDArray[np.uint8], mask: NDArray[np.uint8], background: F32,
+                image: F32, alpha: F32, grey: float) -> None:
+    for x in range(mask.shape[1]):
+        a = np.float32(mask[y, x]) * grey
+        alpha[y, x] = a
+        for c in range(3):
+            image[y, x, c] = (np.float32(photo[y, x, c]) * grey * a
+                              + background[c] * (np.float32(1) - a))

@@ -23,8 +23,7 @@ from part2gs_robotics.model.joint import Joint
 from part2gs_robotics.paper import losses
 from part2gs_robotics.paper.joint_terms import REPEL_VOXEL, SWEEP, Part, Pull, parts_of, terms_on
 from part2gs_robotics.paper.repel import joint_gradient, repel_forces
-from part2gs_robotics.runtime.adam import Adam
-from part2gs_robotics.runtime.finite import require_finite
+from part2gs_robotics.runtime.adam import Adam, require_finite
 
 if TYPE_CHECKING:
     from part2gs_robotics.evidence.study import Study

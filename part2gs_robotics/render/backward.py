@@ -7,14 +7,15 @@ to come, so dL/dalpha_i = T_i G_i - S_i / (1 - alpha_i), without a stored list o
 from __future__ import annotations
 
 import numpy as np
-from numba import get_thread_id, prange
+from numba import get_thread_id
 
 from part2gs_robotics.render.ellipses import Floats
 from part2gs_robotics.render.forward import AHEAD, STOP, T_MAX, T_MIN
 from part2gs_robotics.render.project import PACKED
 from part2gs_robotics.render.tiles import TILE_X, TILE_Y, Ints, Longs, dealt
 from part2gs_robotics.runtime.fast_math import power8
-from part2gs_robotics.runtime.jit import inlined, kernel, parallel_kernel
+from part2gs_robotics.runtime.for_each import for_each
+from part2gs_robotics.runtime.jit import inlined, kernel
 from part2gs_robotics.runtime.simd import (
     LANES,
     Lane,
@@ -136,7 +137,7 @@ def _load_tile(s: Floats, channels: Floats, px: int, py: int, color: Floats, alp
             s[k + LANES] = to_come
 
 
-@parallel_kernel
+@kernel
 def backward(shares: Longs, tile_first: Longs, pairs: Ints, needed: Ints,
              packed: Floats, extra: Floats, ramp: Floats, scratch: Floats, color: Floats,
              alpha: Floats, depth: Floats, extra_image: Floats, d_color: Floats, d_alpha: Floats,
@@ -147,22 +148,32 @@ def backward(shares: Longs, tile_first: Longs, pairs: Ints, needed: Ints,
     """
     tiles_x = (alpha.shape[1] + TILE_X - 1) // TILE_X
     flat, width = partial.reshape(-1), partial.shape[1]
-    for j in prange(len(shares) - 1):
-        thread = get_thread_id()
-        s, channels = scratch[thread, :BACKWARD_SIZE], scratch[thread, BACKWARD_SIZE:]
-        piece = dealt(j, len(shares) - 1)
-        for tile in range(shares[piece], shares[piece + 1]):
-            start, end = tile_first[tile], tile_first[tile] + needed[tile]
-            for n in range(end, tile_first[tile + 1]):
-                for c in range(width):
-                    flat[pairs[n, 1] * width + c] = 0
-            if end > start:
-                px, py = (tile % tiles_x) * TILE_X, (tile // tiles_x) * TILE_Y
-                for y in range(TILE_Y):
-                    for c in range(int(STRIDE)):
-                        s[y * int(STRIDE) + c] = 1 if c < LANES else 0
-                channels[:] = 0
-                _load_tile(s, channels, px, py, color, alpha, depth, extra_image, d_color, d_alpha,
-                           d_depth, d_extra)
-                _gradient_tile(pairs, start, end, packed, extra, px, py, ramp, s,
-                               channels, flat, width)
+    for_each(len(shares) - 1, _backward_at, (shares, tile_first, pairs, needed, packed, extra, ramp,
+                                             scratch, color, alpha, depth, extra_image, d_color,
+                                             d_alpha, d_depth, d_extra, tiles_x, flat, width))
+
+
+@inlined
+def _backward_at(j: int, shares: Longs, tile_first: Longs, pairs: Ints, needed: Ints,
+                 packed: Floats, extra: Floats, ramp: Floats, scratch: Floats, color: Floats,
+                 alpha: Floats, depth: Floats, extra_image: Floats, d_color: Floats,
+                 d_alpha: Floats, d_depth: Floats, d_extra: Floats, tiles_x: int, flat: Floats,
+                 width: int) -> None:
+    thread = get_thread_id()
+    s, channels = scratch[thread, :BACKWARD_SIZE], scratch[thread, BACKWARD_SIZE:]
+    piece = dealt(j, len(shares) - 1)
+    for tile in range(shares[piece], shares[piece + 1]):
+        start, end = tile_first[tile], tile_first[tile] + needed[tile]
+        for n in range(end, tile_first[tile + 1]):
+            for c in range(width):
+                flat[pairs[n, 1] * width + c] = 0
+        if end > start:
+            px, py = (tile % tiles_x) * TILE_X, (tile // tiles_x) * TILE_Y
+            for y in range(TILE_Y):
+                for c in range(int(STRIDE)):
+                    s[y * int(STRIDE) + c] = 1 if c < LANES else 0
+            channels[:] = 0
+            _load_tile(s, channels, px, py, color, alpha, depth, extra_image, d_color, d_alpha,
+                       d_depth, d_extra)
+            _gradient_tile(pairs, start, end, packed, extra, px, py, ramp, s,
+                           channels, flat, width)

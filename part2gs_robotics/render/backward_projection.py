@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import get_thread_id, prange
+from numba import get_thread_id
 from numpy.typing import NDArray
 
 from part2gs_robotics.render.ellipses import (
@@ -22,7 +22,8 @@ from part2gs_robotics.render.ellipses import (
     view_row,
 )
 from part2gs_robotics.render.project import BLOCKS
-from part2gs_robotics.runtime.jit import inlined, parallel_kernel
+from part2gs_robotics.runtime.for_each import for_each
+from part2gs_robotics.runtime.jit import inlined, kernel
 from part2gs_robotics.runtime.simd import LANES, Lane, gather, root, splat, where_ge
 
 GRADS = 10  # per intersection: moments of v (1, dx, dy, dx dx, dx dy, dy dy), r, g, b, z
@@ -166,7 +167,7 @@ def _unpack(i: int, j: int, seen: bool, s: Floats, opacities: Floats, d_means: F
     d_screen[i] = s[r + 10 * LANES] if seen else 0.0
 
 
-@parallel_kernel
+@kernel
 def carry_back(means: Floats, quats: Floats, scales: Floats, opacities: Floats, view: Floats,
                camera: Floats, first: NDArray[np.int64], partial: Floats, scratch: Floats,
                d_means: Floats, d_quats: Floats, d_scales: Floats, d_opacities: Floats,
@@ -177,14 +178,25 @@ def carry_back(means: Floats, quats: Floats, scales: Floats, opacities: Floats, 
     a row for every thread.
     """
     n, share = len(means), BLOCKS * LANES
-    for part in prange((n + share - 1) // share):
-        s = scratch[get_thread_id()]
-        for i in range(part * share, min((part + 1) * share, n), LANES):
-            count = min(LANES, n - i)
-            for j in range(count):
-                _add_up(i + j, j, first, partial, d_extra, s)
-            if first[i + count] > first[i]:
-                _carry_block(i, n, means, quats, scales, view, camera, s)
-            for j in range(count):
-                _unpack(i + j, j, first[i + j + 1] > first[i + j], s, opacities, d_means, d_quats,
-                        d_scales, d_opacities, d_colors, d_screen)
+    for_each((n + share - 1) // share, _carry_back_at, (means, quats, scales, opacities, view,
+                                                        camera, first, partial, scratch, d_means,
+                                                        d_quats, d_scales, d_opacities, d_colors,
+                                                        d_extra, d_screen, n, share))
+
+
+@inlined
+def _carry_back_at(part: int, means: Floats, quats: Floats, scales: Floats, opacities: Floats,
+                   view: Floats, camera: Floats, first: NDArray[np.int64], partial: Floats,
+                   scratch: Floats, d_means: Floats, d_quats: Floats, d_scales: Floats,
+                   d_opacities: Floats, d_colors: Floats, d_extra: Floats, d_screen: Floats,
+                   n: int, share: int) -> None:
+    s = scratch[get_thread_id()]
+    for i in range(part * share, min((part + 1) * share, n), LANES):
+        count = min(LANES, n - i)
+        for j in range(count):
+            _add_up(i + j, j, first, partial, d_extra, s)
+        if first[i + count] > first[i]:
+            _carry_block(i, n, means, quats, scales, view, camera, s)
+        for j in range(count):
+            _unpack(i + j, j, first[i + j + 1] > first[i + j], s, opacities, d_means, d_quats,
+                    d_scales, d_opacities, d_colors, d_screen)

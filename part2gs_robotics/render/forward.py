@@ -10,13 +10,14 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import get_thread_id, prange
+from numba import get_thread_id
 
 from part2gs_robotics.render.ellipses import Floats
 from part2gs_robotics.render.project import ALPHA_MAX, ALPHA_MIN, EXP_SCALE, PACKED
 from part2gs_robotics.render.tiles import TILE_X, TILE_Y, Ints, Longs, dealt
 from part2gs_robotics.runtime.fast_math import power8
-from part2gs_robotics.runtime.jit import inlined, kernel, parallel_kernel
+from part2gs_robotics.runtime.for_each import for_each
+from part2gs_robotics.runtime.jit import inlined, kernel
 from part2gs_robotics.runtime.simd import (
     LANES,
     Lane,
@@ -122,23 +123,32 @@ def _write(s: Floats, channels: Floats, px: int, py: int, background: Floats, co
                 extra_image[y, x, c] = channels[(c * TILE_Y + y - py) * LANES + x - px]
 
 
-@parallel_kernel
+@kernel
 def forward(shares: Longs, tile_first: Longs, pairs: Ints, packed: Floats, extra: Floats,
             background: Floats, ramp: Floats, scratch: Floats, color: Floats, alpha: Floats,
             depth: Floats, extra_image: Floats, needed: Ints) -> None:
     """Render all tiles; shares[j] to shares[j + 1] are one piece of work."""
     tiles_x = (alpha.shape[1] + TILE_X - 1) // TILE_X
-    for j in prange(len(shares) - 1):
-        thread = get_thread_id()
-        s, channels = scratch[thread, :FORWARD_SIZE], scratch[thread, FORWARD_SIZE:]
-        piece = dealt(j, len(shares) - 1)
-        for tile in range(shares[piece], shares[piece + 1]):
-            px, py = (tile % tiles_x) * TILE_X, (tile // tiles_x) * TILE_Y
-            clear(s, STRIDE)
-            channels[:] = 0
-            needed[tile] = _blend_tile(pairs, tile_first[tile], tile_first[tile + 1], packed,
-                                       extra, px, py, ramp, s, channels)
-            _write(s, channels, px, py, background, color, alpha, depth, extra_image)
+    for_each(len(shares) - 1, _forward_at, (shares, tile_first, pairs, packed, extra, background,
+                                            ramp, scratch, color, alpha, depth, extra_image, needed,
+                                            tiles_x))
+
+
+@inlined
+def _forward_at(j: int, shares: Longs, tile_first: Longs, pairs: Ints, packed: Floats,
+                extra: Floats, background: Floats, ramp: Floats, scratch: Floats, color: Floats,
+                alpha: Floats, depth: Floats, extra_image: Floats, needed: Ints,
+                tiles_x: int) -> None:
+    thread = get_thread_id()
+    s, channels = scratch[thread, :FORWARD_SIZE], scratch[thread, FORWARD_SIZE:]
+    piece = dealt(j, len(shares) - 1)
+    for tile in range(shares[piece], shares[piece + 1]):
+        px, py = (tile % tiles_x) * TILE_X, (tile // tiles_x) * TILE_Y
+        clear(s, STRIDE)
+        channels[:] = 0
+        needed[tile] = _blend_tile(pairs, tile_first[tile], tile_first[tile + 1], packed,
+                                   extra, px, py, ramp, s, channels)
+        _write(s, channels, px, py, background, color, alpha, depth, extra_image)
 
 
 @inlined
@@ -160,22 +170,29 @@ def _find_median(s: Floats, g: Floats, i: int, dx: Lane, dy: Lane, first: np.uin
         store(s, k + DEPTH, load(s, k + DEPTH) + here)
 
 
-@parallel_kernel
+@kernel
 def median_depth(shares: Longs, tile_first: Longs, pairs: Ints, needed: Ints,
                  packed: Floats, ramp: Floats, image: Floats) -> None:
     """Fill image with the z at which the transmittance falls below one half, zero where never."""
     height, width = image.shape
     tiles_x = (width + TILE_X - 1) // TILE_X
-    for piece in prange(len(shares) - 1):
-        s = np.zeros(FORWARD_SIZE, image.dtype)
-        for tile in range(shares[piece], shares[piece + 1]):
-            px, py = (tile % tiles_x) * TILE_X, (tile // tiles_x) * TILE_Y
-            x, y = load(ramp, np.uint64(0)) + image.dtype.type(px + 0.5), image.dtype.type(py + 0.5)
-            clear(s, STRIDE)
-            for n in range(tile_first[tile], tile_first[tile] + needed[tile]):
-                i, first, last = pairs[n, 0], np.uint64(pairs[n, 2]), np.uint64(pairs[n, 3])
-                dy = splat(y + image.dtype.type(first) - packed[i, 1])
-                _find_median(s, packed, i, x - packed[i, 0], dy, first, last)
-            for row in range(py, min(py + TILE_Y, height)):
-                for column in range(px, min(px + TILE_X, width)):
-                    image[row, column] = s[(row - py) * int(STRIDE) + column - px + 4 * LANES]
+    for_each(len(shares) - 1, _median_depth_at, (shares, tile_first, pairs, needed, packed, ramp,
+                                                 image, height, width, tiles_x))
+
+
+@inlined
+def _median_depth_at(piece: int, shares: Longs, tile_first: Longs, pairs: Ints, needed: Ints,
+                     packed: Floats, ramp: Floats, image: Floats, height: int, width: int,
+                     tiles_x: int) -> None:
+    s = np.zeros(FORWARD_SIZE, image.dtype)
+    for tile in range(shares[piece], shares[piece + 1]):
+        px, py = (tile % tiles_x) * TILE_X, (tile // tiles_x) * TILE_Y
+        x, y = load(ramp, np.uint64(0)) + image.dtype.type(px + 0.5), image.dtype.type(py + 0.5)
+        clear(s, STRIDE)
+        for n in range(tile_first[tile], tile_first[tile] + needed[tile]):
+            i, first, last = pairs[n, 0], np.uint64(pairs[n, 2]), np.uint64(pairs[n, 3])
+            dy = splat(y + image.dtype.type(first) - packed[i, 1])
+            _find_median(s, packed, i, x - packed[i, 0], dy, first, last)
+        for row in range(py, min(py + TILE_Y, height)):
+            for column in range(px, min(px + TILE_X, width)):
+                image[row, column] = s[(row - py) * int(STRIDE) + column - px + 4 * LANES]

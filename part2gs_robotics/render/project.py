@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import get_thread_id, prange
+from numba import get_thread_id
 from numpy.typing import NDArray
 
 from part2gs_robotics.render.ellipses import (
@@ -21,7 +21,8 @@ from part2gs_robotics.render.ellipses import (
     to_camera,
     unit,
 )
-from part2gs_robotics.runtime.jit import inlined, parallel_kernel
+from part2gs_robotics.runtime.for_each import for_each
+from part2gs_robotics.runtime.jit import inlined, kernel
 from part2gs_robotics.runtime.simd import (
     LANES,
     Lane,
@@ -113,7 +114,7 @@ def _pack(i: int, j: int, s: Floats, colors: Floats, extra: Floats, packed: Floa
         visible[i] = boxes[i, 2] > boxes[i, 0] and boxes[i, 3] > boxes[i, 1]
 
 
-@parallel_kernel
+@kernel
 def project(means: Floats, quats: Floats, scales: Floats, opacities: Floats, colors: Floats,
             extra: Floats, view: Floats, camera: Floats, width: int, height: int, scratch: Floats,
             packed: Floats, boxes: NDArray[np.int32], visible: NDArray[np.bool_]) -> None:
@@ -123,9 +124,18 @@ def project(means: Floats, quats: Floats, scales: Floats, opacities: Floats, col
     every thread.
     """
     n, share = len(means), BLOCKS * LANES
-    for part in prange((n + share - 1) // share):
-        s = scratch[get_thread_id()]
-        for i in range(part * share, min((part + 1) * share, n), LANES):
-            _project_block(i, n, means, quats, scales, opacities, view, camera, width, height, s)
-            for j in range(min(LANES, n - i)):
-                _pack(i + j, j, s, colors, extra, packed, boxes, visible)
+    for_each((n + share - 1) // share, _project_at, (means, quats, scales, opacities, colors, extra,
+                                                     view, camera, width, height, scratch, packed,
+                                                     boxes, visible, n, share))
+
+
+@inlined
+def _project_at(part: int, means: Floats, quats: Floats, scales: Floats, opacities: Floats,
+                colors: Floats, extra: Floats, view: Floats, camera: Floats, width: int,
+                height: int, scratch: Floats, packed: Floats, boxes: NDArray[np.int32],
+                visible: NDArray[np.bool_], n: int, share: int) -> None:
+    s = scratch[get_thread_id()]
+    for i in range(part * share, min((part + 1) * share, n), LANES):
+        _project_block(i, n, means, quats, scales, opacities, view, camera, width, height, s)
+        for j in range(min(LANES, n - i)):
+            _pack(i + j, j, s, colors, extra, packed, boxes, visible)

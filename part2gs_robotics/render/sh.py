@@ -9,11 +9,11 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import prange
 from numpy.typing import ArrayLike, NDArray
 
 from part2gs_robotics.model.gaussians import Gaussians
-from part2gs_robotics.runtime.jit import inlined, parallel_kernel
+from part2gs_robotics.runtime.for_each import for_each
+from part2gs_robotics.runtime.jit import inlined, kernel
 
 Floats = NDArray[np.floating]
 
@@ -120,34 +120,45 @@ def _color(sh0: Floats, shN: Floats, b: Floats, i: int, c: int) -> float:
     return value
 
 
-@parallel_kernel
+@kernel
 def _forward(means: Floats, sh0: Floats, shN: Floats, camera: Floats, colors: Floats) -> None:
-    for chunk in prange((len(means) + CHUNK - 1) // CHUNK):
-        b = np.zeros(FULL, np.float64)
-        for i in range(chunk * CHUNK, min((chunk + 1) * CHUNK, len(means))):
-            x, y, z, _ = _direction(means, i, camera)
-            _basis(x, y, z, 1 + shN.shape[1], b)
-            for c in range(3):
-                colors[i, c] = max(_color(sh0, shN, b, i, c), 0.0)
+    for_each((len(means) + CHUNK - 1) // CHUNK, _forward_at, (means, sh0, shN, camera, colors))
 
 
-@parallel_kernel
+@inlined
+def _forward_at(chunk: int, means: Floats, sh0: Floats, shN: Floats, camera: Floats,
+                colors: Floats) -> None:
+    b = np.zeros(FULL, np.float64)
+    for i in range(chunk * CHUNK, min((chunk + 1) * CHUNK, len(means))):
+        x, y, z, _ = _direction(means, i, camera)
+        _basis(x, y, z, 1 + shN.shape[1], b)
+        for c in range(3):
+            colors[i, c] = max(_color(sh0, shN, b, i, c), 0.0)
+
+
+@kernel
 def _backward(means: Floats, sh0: Floats, shN: Floats, camera: Floats, d_colors: Floats,
               d_sh0: Floats, d_shN: Floats, d_means: Floats) -> None:
-    for chunk in prange((len(means) + CHUNK - 1) // CHUNK):
-        b, e = np.zeros(FULL, np.float64), np.zeros(FULL, np.float64)
-        for i in range(chunk * CHUNK, min((chunk + 1) * CHUNK, len(means))):
-            x, y, z, inv = _direction(means, i, camera)
-            _basis(x, y, z, 1 + shN.shape[1], b)
-            e[:] = 0.0
-            for c in range(3):
-                if _color(sh0, shN, b, i, c) > 0:
-                    d_sh0[i, c] = b[0] * d_colors[i, c]
-                    for k in range(shN.shape[1]):
-                        d_shN[i, k, c] = b[1 + k] * d_colors[i, c]
-                        e[1 + k] += shN[i, k, c] * d_colors[i, c]
-            gx, gy, gz = _basis_gradient(x, y, z, e)
-            along = gx * x + gy * y + gz * z
-            d_means[i, 0] = (gx - along * x) * inv
-            d_means[i, 1] = (gy - along * y) * inv
-            d_means[i, 2] = (gz - along * z) * inv
+    for_each((len(means) + CHUNK - 1) // CHUNK, _backward_at, (means, sh0, shN, camera, d_colors,
+                                                               d_sh0, d_shN, d_means))
+
+
+@inlined
+def _backward_at(chunk: int, means: Floats, sh0: Floats, shN: Floats, camera: Floats,
+                 d_colors: Floats, d_sh0: Floats, d_shN: Floats, d_means: Floats) -> None:
+    b, e = np.zeros(FULL, np.float64), np.zeros(FULL, np.float64)
+    for i in range(chunk * CHUNK, min((chunk + 1) * CHUNK, len(means))):
+        x, y, z, inv = _direction(means, i, camera)
+        _basis(x, y, z, 1 + shN.shape[1], b)
+        e[:] = 0.0
+        for c in range(3):
+            if _color(sh0, shN, b, i, c) > 0:
+                d_sh0[i, c] = b[0] * d_colors[i, c]
+                for k in range(shN.shape[1]):
+                    d_shN[i, k, c] = b[1 + k] * d_colors[i, c]
+                    e[1 + k] += shN[i, k, c] * d_colors[i, c]
+        gx, gy, gz = _basis_gradient(x, y, z, e)
+        along = gx * x + gy * y + gz * z
+        d_means[i, 0] = (gx - along * x) * inv
+        d_means[i, 1] = (gy - along * y) * inv
+        d_means[i, 2] = (gz - along * z) * inv

@@ -10,12 +10,12 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import prange
 from numpy.typing import NDArray
 
 from part2gs_robotics.render.ellipses import Floats
 from part2gs_robotics.render.project import PACKED
-from part2gs_robotics.runtime.jit import inlined, kernel, parallel_kernel
+from part2gs_robotics.runtime.for_each import for_each
+from part2gs_robotics.runtime.jit import inlined, kernel
 from part2gs_robotics.runtime.simd import LANES, least, load, most, prefetch, root, splat, store
 
 Ints = NDArray[np.int32]
@@ -129,7 +129,7 @@ def _touches(asked: Mask, boxes: Ints, i: int) -> bool:
     return False
 
 
-@parallel_kernel
+@kernel
 def list_pairs(order: Longs, seen: int, packed: Floats, boxes: Ints, asked: Mask, chunks: Longs,
                scratch: Floats, listed: Ints, counts: Longs, histogram: Ints, first: Longs) -> None:
     """List the pairs of every chunk in the order of depth, and count them in three ways.
@@ -139,45 +139,57 @@ def list_pairs(order: Longs, seen: int, packed: Floats, boxes: Ints, asked: Mask
     first[i + 1] pairs of Gaussian i. asked [rows, columns]: tiles that are drawn.
     """
     tiles_x = asked.shape[1]
-    for chunk in prange(len(chunks) - 1):
-        s, place, room = scratch[chunk], 0, listed.shape[1]
-        histogram[chunk, :] = 0
-        for n in range(chunks[chunk], chunks[chunk + 1]):
-            i, before = order[n], place
-            _fetch(packed, boxes, order[min(n + AHEAD, len(order) - 1)])
-            if n < seen:
-                start, end = boxes[i, 0] // TILE_X, (boxes[i, 2] - 1) // TILE_X + 1
-                for column in range(start, end):
-                    j = (column - start) % LANES
-                    if j == 0:
-                        _spans(packed, i, column, s)
-                    y0, y1 = _rows(s, boxes, i, j)
-                    for row in range(y0 // TILE_Y, (y1 - 1) // TILE_Y + 1 if y1 > y0 else 0):
-                        if asked[row, column]:
-                            tile = row * tiles_x + column
-                            histogram[chunk, tile] += 1
-                            if place < room:
-                                listed[chunk, place, 0], listed[chunk, place, 1] = i, tile
-                                listed[chunk, place, 2] = max(y0 - row * TILE_Y, 0)
-                                listed[chunk, place, 3] = min(y1 - row * TILE_Y, TILE_Y)
-                            place += 1
-            first[i + 1] = place - before
-        counts[chunk] = place
+    for_each(len(chunks) - 1, _list_pairs_at, (order, seen, packed, boxes, asked, chunks, scratch,
+                                               listed, counts, histogram, first, tiles_x))
 
 
-@parallel_kernel
+@inlined
+def _list_pairs_at(chunk: int, order: Longs, seen: int, packed: Floats, boxes: Ints, asked: Mask,
+                   chunks: Longs, scratch: Floats, listed: Ints, counts: Longs, histogram: Ints,
+                   first: Longs, tiles_x: int) -> None:
+    s, place, room = scratch[chunk], 0, listed.shape[1]
+    histogram[chunk, :] = 0
+    for n in range(chunks[chunk], chunks[chunk + 1]):
+        i, before = order[n], place
+        _fetch(packed, boxes, order[min(n + AHEAD, len(order) - 1)])
+        if n < seen:
+            start, end = boxes[i, 0] // TILE_X, (boxes[i, 2] - 1) // TILE_X + 1
+            for column in range(start, end):
+                j = (column - start) % LANES
+                if j == 0:
+                    _spans(packed, i, column, s)
+                y0, y1 = _rows(s, boxes, i, j)
+                for row in range(y0 // TILE_Y, (y1 - 1) // TILE_Y + 1 if y1 > y0 else 0):
+                    if asked[row, column]:
+                        tile = row * tiles_x + column
+                        histogram[chunk, tile] += 1
+                        if place < room:
+                            listed[chunk, place, 0], listed[chunk, place, 1] = i, tile
+                            listed[chunk, place, 2] = max(y0 - row * TILE_Y, 0)
+                            listed[chunk, place, 3] = min(y1 - row * TILE_Y, TILE_Y)
+                        place += 1
+        first[i + 1] = place - before
+    counts[chunk] = place
+
+
+@kernel
 def place_pairs(listed: Ints, counts: Longs, cursor: Ints, first: Longs, pairs: Ints) -> None:
     """Write each pair's Gaussian, its place among the Gaussian's pairs, and the rows it covers."""
-    for chunk in prange(len(counts)):
-        last, slot = -1, 0
-        for n in range(counts[chunk]):
-            i, tile = listed[chunk, n, 0], listed[chunk, n, 1]
-            slot = slot + 1 if i == last else first[i]
-            last = i
-            place = cursor[chunk, tile]
-            cursor[chunk, tile] += 1
-            pairs[place, 0], pairs[place, 1] = i, slot
-            pairs[place, 2], pairs[place, 3] = listed[chunk, n, 2], listed[chunk, n, 3]
+    for_each(len(counts), _place_pairs_at, (listed, counts, cursor, first, pairs))
+
+
+@inlined
+def _place_pairs_at(chunk: int, listed: Ints, counts: Longs, cursor: Ints, first: Longs,
+                    pairs: Ints) -> None:
+    last, slot = -1, 0
+    for n in range(counts[chunk]):
+        i, tile = listed[chunk, n, 0], listed[chunk, n, 1]
+        slot = slot + 1 if i == last else first[i]
+        last = i
+        place = cursor[chunk, tile]
+        cursor[chunk, tile] += 1
+        pairs[place, 0], pairs[place, 1] = i, slot
+        pairs[place, 2], pairs[place, 3] = listed[chunk, n, 2], listed[chunk, n, 3]
 
 
 @kernel

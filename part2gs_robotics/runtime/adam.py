@@ -1,14 +1,18 @@
-"""Adam: one fused pass per parameter array; rows can be added and removed."""
+"""Adam: one fused pass per parameter array; rows can be added and removed.
+
+What is not finite stops a descent, with the term that broke.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
 
 import numpy as np
-from numba import prange
 from numpy.typing import NDArray
 
-from part2gs_robotics.runtime.jit import parallel_kernel
+from part2gs_robotics.errors import FitError
+from part2gs_robotics.runtime.for_each import for_each
+from part2gs_robotics.runtime.jit import inlined, kernel
 
 Floats = NDArray[np.floating]
 Arrays = dict[str, Floats]
@@ -97,17 +101,37 @@ def direction(moments: tuple[Floats, Floats], gradient: Floats, step: int,
     return np.asarray(unbiased / scale, gradient.dtype)
 
 
-@parallel_kernel
+def require_finite(values: dict[str, float | NDArray[np.floating]], name: str, step: int) -> None:
+    """Stop with the state, step and term when a loss or parameter is NaN or infinite.
+
+    Raises:
+        FitError: naming the first such term.
+    """
+    for term, value in values.items():
+        if not np.isfinite(value).all():
+            bad = int(np.size(value) - np.isfinite(value).sum())
+            raise FitError(f"{name}, step {step}: {bad} of {np.size(value)} values of '{term}' are "
+                           "NaN or infinite. Expected finite numbers; check the poses and images "
+                           "of this state, or try another --seed.")
+
+
+@kernel
 def _update(value: Floats, grad: Floats, first: Floats, second: Floats, rate: float,
             root: float, new1: float, new2: float, epsilon: float) -> None:
     limit = grad.dtype.type(LARGEST)
-    for i in prange(value.size):
-        g = grad[i]
-        if g > limit:
-            g = limit
-        elif g < -limit:
-            g = -limit
-        m = first[i] + new1 * (g - first[i])
-        v = second[i] + new2 * (g * g - second[i])
-        first[i], second[i] = m, v
-        value[i] -= rate * m / (np.sqrt(v) * root + epsilon)
+    for_each(value.size, _update_at, (value, grad, first, second, rate, root, new1, new2, epsilon,
+                                      limit))
+
+
+@inlined
+def _update_at(i: int, value: Floats, grad: Floats, first: Floats, second: Floats, rate: float,
+               root: float, new1: float, new2: float, epsilon: float, limit: float) -> None:
+    g = grad[i]
+    if g > limit:
+        g = limit
+    elif g < -limit:
+        g = -limit
+    m = first[i] + new1 * (g - first[i])
+    v = second[i] + new2 * (g * g - second[i])
+    first[i], second[i] = m, v
+    value[i] -= rate * m / (np.sqrt(v) * root + epsilon)

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import ctypes
 import logging
 from collections.abc import Callable
 from contextlib import suppress
 from functools import cache
-from importlib import metadata
 from pathlib import Path
 from typing import Any, TypeVar, cast
 
@@ -19,7 +17,6 @@ from numba.core import event
 from part2gs_robotics.runtime.hashing import PACKAGE
 from part2gs_robotics.runtime.jit_cache import alone_in, clocks, folder_of
 
-TBB = "libtbb.so.12"
 LINE = 64  # bytes of a cache line: buffers of the kernels start at one
 
 F = TypeVar("F", bound=Callable[..., object])
@@ -34,18 +31,16 @@ _OPTIONS = {"nogil": True, "no_cfunc_wrapper": True, "error_model": "numpy",
 
 
 def kernel(function: F) -> F:
-    """Compile a function for one thread, kept on disk."""
+    """Compile a function, kept on disk; what shall run on all threads it gives to `for_each`."""
     return cast(F, _kept(numba.njit(**_OPTIONS)(function)))
 
 
 def inlined(function: F) -> F:
-    """Compile a function to be called from kernels, each of which holds a copy."""
+    """Compile a function to be called from kernels, each of which holds a copy; never from Python.
+
+    The body of a loop that `for_each` shares out among threads is one as well.
+    """
     return cast(F, numba.njit(no_cpython_wrapper=True, **_OPTIONS)(function))
-
-
-def parallel_kernel(function: F) -> F:
-    """Compile a function whose prange loops run on all threads, kept on disk."""
-    return cast(F, _kept(numba.njit(parallel=True, **_OPTIONS)(function)))
 
 
 def _kept(dispatcher: Any) -> Any:
@@ -151,21 +146,5 @@ def _say_once(text: str) -> None:
     logger.warning("%s", text)
 
 
-def load_scheduler() -> bool:
-    """Load the TBB library where its package is installed, so that Numba's threads use it.
-
-    With OpenMP each parallel loop waits for its slowest thread. On a core that another process
-    uses, that is milliseconds per loop, and a fit has twenty thousand loops. TBB's threads take
-    over the work of one that is not running.
-    """
-    try:
-        files = metadata.files("tbb") or []
-        ctypes.CDLL(str(next(f.locate() for f in files if f.name == TBB)), ctypes.RTLD_GLOBAL)
-    except (metadata.PackageNotFoundError, StopIteration, OSError):
-        return False  # no wheel for this processor: Numba takes OpenMP or its own threads
-    return True
-
-
-load_scheduler()
 clocks.append(event.TimingListener())  # time spent compiling; reading a kept kernel does not count
 event.register("numba:compile", clocks[-1])

@@ -80,6 +80,12 @@ def _depth_inside(face: F64, x: float, y: float) -> tuple[float, float, float]:
     return u, v, 1.0 - u - v
 
 
+@inlined
+def _texels(a: float, b: float, c: float, count: int) -> tuple[int, int]:
+    """Return the range of rows or columns of texels that a face's corners span."""
+    return max(int(min(a, b, c)), 0), min(int(max(a, b, c)) + 1, count)
+
+
 @kernel
 def overlapping(flat: F64, size: I64) -> NDArray[np.bool_]:
     """Return [n] which faces of a chart cover a texel that an earlier face covers as well.
@@ -93,8 +99,8 @@ def overlapping(flat: F64, size: I64) -> NDArray[np.bool_]:
     inside = np.zeros((size[1], size[0]), np.float32)
     for f in range(count):
         face = flat[f]
-        left, right = int(face[:, 0].min()), min(int(face[:, 0].max()) + 1, size[0])
-        low, high = int(face[:, 1].min()), min(int(face[:, 1].max()) + 1, size[1])
+        left, right = _texels(face[0, 0], face[1, 0], face[2, 0], size[0])
+        low, high = _texels(face[0, 1], face[1, 1], face[2, 1], size[1])
         for told in range(2):  # look, then take
             for j in range(low, high):
                 for i in range(left, right):
@@ -121,8 +127,8 @@ def cover(placed: F64, owner: NDArray[np.int32], weights: F32) -> None:
     height, width = owner.shape
     for f in range(len(placed)):
         face = placed[f]
-        left, right = max(int(face[:, 0].min()), 0), min(int(face[:, 0].max()) + 1, width)
-        low, high = max(int(face[:, 1].min()), 0), min(int(face[:, 1].max()) + 1, height)
+        left, right = _texels(face[0, 0], face[1, 0], face[2, 0], width)
+        low, high = _texels(face[0, 1], face[1, 1], face[2, 1], height)
         for j in range(low, high):
             for i in range(left, right):
                 u, v, w = _depth_inside(face, i + 0.5, j + 0.5)

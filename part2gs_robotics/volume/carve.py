@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-import numba
 import numpy as np
 
 from part2gs_robotics.model.arrays import F32, F64
 from part2gs_robotics.model.grid import Grid, index_move
-from part2gs_robotics.runtime.jit import kernel, parallel_kernel
+from part2gs_robotics.runtime.for_each import for_each
+from part2gs_robotics.runtime.jit import inlined, kernel
 from part2gs_robotics.volume.fuse import TRUNCATION
 
 OUTSIDE = -1.5  # voxels: no surface passes beside a voxel that far outside
@@ -74,28 +74,35 @@ def _sample(values: F32, x: float, y: float, z: float) -> float:
     return near * (1 - fz) + far * fz
 
 
-@parallel_kernel
+@kernel
 def _carve(values: F32, rival: F32, moves: F64, clearance: float, support: F32,
            rival_support: F32) -> None:
     nx, ny, nz = values.shape
     hx, hy, hz = rival.shape[0] - 1, rival.shape[1] - 1, rival.shape[2] - 1
     judged = support.size > 0
-    for x in numba.prange(nx):
-        for y in range(ny):
-            for z in range(nz):
-                value = values[x, y, z]
-                if judged and support[x, y, z] == np.inf:
+    for_each(nx, _carve_at, (values, rival, moves, clearance, support, rival_support, ny, nz, hx,
+                             hy, hz, judged))
+
+
+@inlined
+def _carve_at(x: int, values: F32, rival: F32, moves: F64, clearance: float, support: F32,
+              rival_support: F32, ny: int, nz: int, hx: int, hy: int, hz: int,
+              judged: bool) -> None:
+    for y in range(ny):
+        for z in range(nz):
+            value = values[x, y, z]
+            if judged and support[x, y, z] == np.inf:
+                continue
+            for p in range(len(moves)):
+                if value <= OUTSIDE:
+                    break
+                m = moves[p]
+                u = m[0, 0] * x + m[0, 1] * y + m[0, 2] * z + m[0, 3]
+                v = m[1, 0] * x + m[1, 1] * y + m[1, 2] * z + m[1, 3]
+                w = m[2, 0] * x + m[2, 1] * y + m[2, 2] * z + m[2, 3]
+                if not (u >= 0.0 and v >= 0.0 and w >= 0.0 and u <= hx and v <= hy and w <= hz):
                     continue
-                for p in range(len(moves)):
-                    if value <= OUTSIDE:
-                        break
-                    m = moves[p]
-                    u = m[0, 0] * x + m[0, 1] * y + m[0, 2] * z + m[0, 3]
-                    v = m[1, 0] * x + m[1, 1] * y + m[1, 2] * z + m[1, 3]
-                    w = m[2, 0] * x + m[2, 1] * y + m[2, 2] * z + m[2, 3]
-                    if not (u >= 0.0 and v >= 0.0 and w >= 0.0 and u <= hx and v <= hy and w <= hz):
-                        continue
-                    if judged and _sample(rival_support, u, v, w) <= support[x, y, z]:
-                        continue
-                    value = min(value, -_sample(rival, u, v, w) - clearance)
-                values[x, y, z] = max(value, np.float32(-TRUNCATION))
+                if judged and _sample(rival_support, u, v, w) <= support[x, y, z]:
+                    continue
+                value = min(value, -_sample(rival, u, v, w) - clearance)
+            values[x, y, z] = max(value, np.float32(-TRUNCATION))

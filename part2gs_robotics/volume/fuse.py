@@ -10,13 +10,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
 from part2gs_robotics.model.arrays import F32, F64
 from part2gs_robotics.model.grid import Grid
-from part2gs_robotics.runtime.jit import kernel, parallel_kernel
+from part2gs_robotics.runtime.for_each import for_each
+from part2gs_robotics.runtime.jit import inlined, kernel
 from part2gs_robotics.volume.part_maps import PartMaps
 
 BLOCK = 4  # voxels per block and axis that one look into a coarse map may decide for one view
@@ -204,37 +204,49 @@ def _block_view(p: F64, m: F64, nearest: F32, farthest: F32, labels: NDArray[np.
     return -1
 
 
-@parallel_kernel
+@kernel
 def _fuse(lo: F64, voxel: float, projections: F64, depths: F32, labels: NDArray[np.uint8],
           facing: F32, nearest: F32, farthest: F32, part: int, trunc: float, sums: F32) -> None:
     _, nx, ny, nz = sums.shape
     by, bz = (ny + BLOCK - 1) // BLOCK, (nz + BLOCK - 1) // BLOCK
     blocks = ((nx + BLOCK - 1) // BLOCK) * by * bz
     half, reach = 0.5 * (BLOCK - 1), 0.5 * (BLOCK - 1) * np.sqrt(3.0) * voxel
-    for n in numba.prange(blocks):
-        x0, y0, z0 = n // (by * bz) * BLOCK, n // bz % by * BLOCK, n % bz * BLOCK
-        x1, y1, z1 = min(x0 + BLOCK, nx), min(y0 + BLOCK, ny), min(z0 + BLOCK, nz)
-        center = np.array([lo[0] + voxel * (x0 + half), lo[1] + voxel * (y0 + half),
-                           lo[2] + voxel * (z0 + half)])
-        p, count = np.zeros(3), np.zeros(8)
-        for v in range(len(projections)):
-            m = projections[v]
-            verdict = _block_view(center, m, nearest[v], farthest[v], labels[v], part, trunc, reach)
-            if verdict >= 0:
-                count[verdict] += 1.0
-                if verdict == 7:
-                    count[6] += 1.0
-                if count[6] >= SURE:
-                    break
-                continue
-            depth, label, slope = depths[v], labels[v], facing[v]  # views cost more than a voxel
-            for x in range(x0, x1):
-                p[0] = lo[0] + voxel * x
+    for_each(blocks, _fuse_at, (lo, voxel, projections, depths, labels, facing, nearest, farthest,
+                                part, trunc, sums, nx, ny, nz, by, bz, half, reach))
+
+
+@inlined
+def _fuse_at(n: int, lo: F64, voxel: float, projections: F64, depths: F32,
+             labels: NDArray[np.uint8], facing: F32, nearest: F32, farthest: F32, part: int,
+             trunc: float, sums: F32, nx: int, ny: int, nz: int, by: int, bz: int, half: float,
+             reach: float) -> None:
+    x0, y0, z0 = n // (by * bz) * BLOCK, n // bz % by * BLOCK, n % bz * BLOCK
+    x1, y1, z1 = min(x0 + BLOCK, nx), min(y0 + BLOCK, ny), min(z0 + BLOCK, nz)
+    center = np.array([lo[0] + voxel * (x0 + half), lo[1] + voxel * (y0 + half),
+                       lo[2] + voxel * (z0 + half)])
+    p, count = np.zeros(3), np.zeros(8)
+    for v in range(len(projections)):
+        m = projections[v]
+        verdict = _block_view(center, m, nearest[v], farthest[v], labels[v], part, trunc, reach)
+        if verdict >= 0:
+            count[verdict] += 1.0
+            if verdict == 7:
+                count[6] += 1.0
+            if count[6] >= SURE:
+                break
+            continue
+        depth, label, slope = depths[v], labels[v], facing[v]  # views cost more than a voxel
+        for x in range(x0, x1):
+            p[0] = lo[0] + voxel * x
+            for y in range(y0, y1):
+                p[1] = lo[1] + voxel * y
+                for z in range(z0, z1):
+                    p[2] = lo[2] + voxel * z
+                    _add_voxel(p, m, depth, label, slope, part, trunc, voxel, sums, x, y, z)
+    for c in range(4, 8):
+        if count[c] > 0.0:
+            more = np.float32(count[c])
+            for x in range(x0, x1):  # a sum of slices would take ten times as long to compile
                 for y in range(y0, y1):
-                    p[1] = lo[1] + voxel * y
                     for z in range(z0, z1):
-                        p[2] = lo[2] + voxel * z
-                        _add_voxel(p, m, depth, label, slope, part, trunc, voxel, sums, x, y, z)
-        for c in range(4, 8):
-            if count[c] > 0.0:
-                sums[c, x0:x1, y0:y1, z0:z1] += np.float32(count[c])
+                        sums[c, x, y, z] += more

@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
@@ -13,7 +12,8 @@ from part2gs_robotics.evidence.depth_maps import SOLID_ALPHA, DepthMaps
 from part2gs_robotics.model.arrays import F32
 from part2gs_robotics.model.gaussians import Gaussians
 from part2gs_robotics.model.scene import StateViews
-from part2gs_robotics.runtime.jit import inlined, parallel_kernel
+from part2gs_robotics.runtime.for_each import for_each
+from part2gs_robotics.runtime.jit import inlined, kernel
 
 NO_PART = 255  # label of a pixel without a part
 
@@ -73,23 +73,28 @@ def _slope(before: float, here: float, after: float) -> float:
     return a if abs(a) < abs(b) else b
 
 
-@parallel_kernel
+@kernel
 def _facing(depths: F32, Ks: NDArray[np.float64], out: F32) -> None:
     # On a plane inverse depth is affine in the pixel, so its slope is the plane's normal.
     views, height, width = depths.shape
-    for v in numba.prange(views):
-        d, fx, fy, cx, cy = depths[v], Ks[v, 0, 0], Ks[v, 1, 1], Ks[v, 0, 2], Ks[v, 1, 2]
-        for i in range(height):
-            for j in range(width):
-                here = d[i, j]
-                if here <= 0.0:
-                    continue
-                su = fx * _slope(d[i, max(j - 1, 0)] if j > 0 else 0.0, here,
-                                 d[i, j + 1] if j + 1 < width else 0.0)
-                sv = fy * _slope(d[i - 1, j] if i > 0 else 0.0, here,
-                                 d[i + 1, j] if i + 1 < height else 0.0)
-                if not (abs(su) < 1e12 and abs(sv) < 1e12):
-                    continue
-                inverse = 1.0 / here
-                sz = inverse - (j + 0.5 - cx) / fx * su - (i + 0.5 - cy) / fy * sv
-                out[v, i, j] = inverse / np.sqrt(su * su + sv * sv + sz * sz)
+    for_each(views, _facing_at, (depths, Ks, out, height, width))
+
+
+@inlined
+def _facing_at(v: int, depths: F32, Ks: NDArray[np.float64], out: F32, height: int,
+               width: int) -> None:
+    d, fx, fy, cx, cy = depths[v], Ks[v, 0, 0], Ks[v, 1, 1], Ks[v, 0, 2], Ks[v, 1, 2]
+    for i in range(height):
+        for j in range(width):
+            here = d[i, j]
+            if here <= 0.0:
+                continue
+            su = fx * _slope(d[i, max(j - 1, 0)] if j > 0 else 0.0, here,
+                             d[i, j + 1] if j + 1 < width else 0.0)
+            sv = fy * _slope(d[i - 1, j] if i > 0 else 0.0, here,
+                             d[i + 1, j] if i + 1 < height else 0.0)
+            if not (abs(su) < 1e12 and abs(sv) < 1e12):
+                continue
+            inverse = 1.0 / here
+            sz = inverse - (j + 0.5 - cx) / fx * su - (i + 0.5 - cy) / fy * sv
+            out[v, i, j] = inverse / np.sqrt(su * su + sv * sv + sz * sz)

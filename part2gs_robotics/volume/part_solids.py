@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
 from part2gs_robotics.model.arrays import F32, F64
 from part2gs_robotics.model.grid import index_move
-from part2gs_robotics.runtime.jit import parallel_kernel
+from part2gs_robotics.runtime.for_each import for_each
+from part2gs_robotics.runtime.jit import inlined, kernel
 from part2gs_robotics.volume.carve import Solid
 from part2gs_robotics.volume.fuse import TRUNCATION, Fused
 
@@ -211,19 +211,24 @@ def _row_ends(points: NDArray[np.int64]) -> F64:
     return np.asarray(points[ends], np.float64)
 
 
-@parallel_kernel
+@kernel
 def _inside_planes(candidates: NDArray[np.bool_], planes: F64, out: NDArray[np.bool_]) -> None:
     nx, ny, nz = candidates.shape
-    for x in numba.prange(nx):
-        for y in range(ny):
-            for z in range(nz):
-                inside = candidates[x, y, z]
-                k = 0
-                while inside and k < len(planes):
-                    p = planes[k]
-                    inside = p[0] * x + p[1] * y + p[2] * z + p[3] < -0.5  # half a voxel within
-                    k += 1
-                out[x, y, z] = inside
+    for_each(nx, _inside_planes_at, (candidates, planes, out, ny, nz))
+
+
+@inlined
+def _inside_planes_at(x: int, candidates: NDArray[np.bool_], planes: F64, out: NDArray[np.bool_],
+                      ny: int, nz: int) -> None:
+    for y in range(ny):
+        for z in range(nz):
+            inside = candidates[x, y, z]
+            k = 0
+            while inside and k < len(planes):
+                p = planes[k]
+                inside = p[0] * x + p[1] * y + p[2] * z + p[3] < -0.5  # half a voxel within
+                k += 1
+            out[x, y, z] = inside
 
 
 def clear_cavity(base: Solid, seen: Fused, room: NDArray[np.bool_], part: Solid,
@@ -243,16 +248,21 @@ def clear_cavity(base: Solid, seen: Fused, room: NDArray[np.bool_], part: Solid,
     return replace(base, values=values)
 
 
-@parallel_kernel
+@kernel
 def _clear(values: F32, unseen: NDArray[np.bool_], room: NDArray[np.bool_], m: F64) -> None:
     nx, ny, nz = values.shape
     hx, hy, hz = room.shape
-    for x in numba.prange(nx):
-        for y in range(ny):
-            for z in range(nz):
-                if unseen[x, y, z]:
-                    u = round(m[0, 0] * x + m[0, 1] * y + m[0, 2] * z + m[0, 3])
-                    v = round(m[1, 0] * x + m[1, 1] * y + m[1, 2] * z + m[1, 3])
-                    w = round(m[2, 0] * x + m[2, 1] * y + m[2, 2] * z + m[2, 3])
-                    if 0 <= u < hx and 0 <= v < hy and 0 <= w < hz and room[u, v, w]:
-                        values[x, y, z] = -TRUNCATION
+    for_each(nx, _clear_at, (values, unseen, room, m, ny, nz, hx, hy, hz))
+
+
+@inlined
+def _clear_at(x: int, values: F32, unseen: NDArray[np.bool_], room: NDArray[np.bool_], m: F64,
+              ny: int, nz: int, hx: int, hy: int, hz: int) -> None:
+    for y in range(ny):
+        for z in range(nz):
+            if unseen[x, y, z]:
+                u = round(m[0, 0] * x + m[0, 1] * y + m[0, 2] * z + m[0, 3])
+                v = round(m[1, 0] * x + m[1, 1] * y + m[1, 2] * z + m[1, 3])
+                w = round(m[2, 0] * x + m[2, 1] * y + m[2, 2] * z + m[2, 3])
+                if 0 <= u < hx and 0 <= v < hy and 0 <= w < hz and room[u, v, w]:
+                    values[x, y, z] = -TRUNCATION

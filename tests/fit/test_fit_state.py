@@ -18,8 +18,7 @@ from part2gs_robotics.model.gaussians import SH_C0, Gaussians
 from part2gs_robotics.model.scene import Camera, StateViews
 from part2gs_robotics.model.se3 import rotation_from_quats
 from part2gs_robotics.render.cpu import render
-from part2gs_robotics.runtime.adam import Adam
-from part2gs_robotics.runtime.finite import require_finite
+from part2gs_robotics.runtime.adam import Adam, require_finite
 
 TINY = FitConfig(steps=60, half_steps=20, start_gaussians=250, max_gaussians=400,
                  hull_resolution=32)

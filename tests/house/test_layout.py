@@ -62,7 +62,7 @@ ORDER = {"build", "outputs", "pictures", "articulate", "cli", "api"}
 MOST_FILES, MOST_LINES, MOST_FUNCTION, MOST_ARGUMENTS = 16, 300, 40, 6
 # A kernel takes arrays one by one: Numba compiles no dataclass, and nothing but a room's own
 # wrapper calls it.
-KERNELS = {"kernel", "parallel_kernel", "inlined", "intrinsic"}
+KERNELS = {"kernel", "inlined", "intrinsic"}
 
 
 @cache

@@ -32,9 +32,3 @@ def test_compiling_is_timed_and_kept(tmp_path: Path) -> None:
 
 def test_numba_may_be_told_not_to_compile() -> None:
     assert said("print(jit_cache.compile_seconds())", NUMBA_DISABLE_JIT="1") == ["0"]
-
-
-def test_threads_are_scheduled_by_tbb_where_it_is_installed() -> None:
-    loaded, layer = said("import numba\nfrom part2gs_robotics.runtime.jit import load_scheduler\n"
-                         "print(load_scheduler(), numba.threading_layer())")
-    assert (layer == "tbb") == (loaded == "True")
