@@ -65,7 +65,7 @@ def edge_directions(scene: Scene, place: Place) -> list[F64]:
     return out
 
 
-def board_surfaces(place: Place, evidence: Sequence[Fused], wholes: Sequence[Solid],
+def board_surfaces(place: Place, beliefs: Sequence[Belief], wholes: Sequence[Solid],
                    maps: Sequence[PartMaps], edges: Sequence[F64],
                    ) -> tuple[list[Manifold], list[float]]:
     """Return the closed surfaces of all parts as solids of flat faces, base first, and yields.
@@ -74,7 +74,7 @@ def board_surfaces(place: Place, evidence: Sequence[Fused], wholes: Sequence[Sol
 
     Args:
         place: joints, and the part that carries each.
-        evidence: per part.
+        beliefs: what views say about every part.
         wholes: the noisy solids of the parts, in whose surfaces planes are looked for.
         maps: depth and part of every pixel, per state.
         edges: per part, [E, 3] directions.
@@ -82,7 +82,7 @@ def board_surfaces(place: Place, evidence: Sequence[Fused], wholes: Sequence[Sol
     Raises:
         MeshError: a part has no closed surface.
     """
-    boards, smooth, yields = _cut_out(place, evidence, wholes, edges)
+    boards, smooth, yields = _cut_out(place, beliefs, wholes, edges)
     worth = [np.zeros(board.cells.grid.shape) for board in boards]
     for _ in range(FILLINGS):
         more = unstopped(boards, place, maps)
@@ -143,7 +143,7 @@ def _closed(board: BoardSolid, smooth: Manifold, part: int) -> Manifold:
     return smooth
 
 
-def _cut_out(place: Place, evidence: Sequence[Fused], wholes: Sequence[Solid],
+def _cut_out(place: Place, beliefs: Sequence[Belief], wholes: Sequence[Solid],
              edges: Sequence[F64],
              ) -> tuple[list[BoardSolid], list[tuple[Manifold, F32]], list[float]]:
     """Return solids of flat faces of all parts, none where another comes by.
@@ -155,7 +155,7 @@ def _cut_out(place: Place, evidence: Sequence[Fused], wholes: Sequence[Solid],
     smooth: dict[int, tuple[Manifold, F32]] = {}
     yields: dict[int, float] = {}
     for k in (*range(1, place.count), 0):
-        belief, solid = belief_of(evidence[k], k == 0), wholes[k]
+        belief, solid = beliefs[k], wholes[k]
         taken = _taken(k, bodies, place, solid)
         yields[k] = yielded(solid.values > 0, taken)
         if taken.any():

@@ -12,7 +12,12 @@ from numpy.typing import NDArray
 from part2gs_robotics.config import MeshConfig
 from part2gs_robotics.errors import EmptyPartError
 from part2gs_robotics.evidence.depth_maps import observe
-from part2gs_robotics.mesh.board_parts import board_surfaces, edge_directions, yielded
+from part2gs_robotics.mesh.board_parts import (
+    belief_of,
+    board_surfaces,
+    edge_directions,
+    yielded,
+)
 from part2gs_robotics.mesh.surface import closed_surface
 from part2gs_robotics.model.arrays import F64
 from part2gs_robotics.model.gaussians import Gaussians
@@ -84,7 +89,9 @@ def build_parts(scene: Scene, gaussians: tuple[Gaussians, Gaussians], motion: Mo
     solids = [with_wires(solid, k, place, maps) if k else solid
               for k, solid in enumerate(wholes if config.flat_walls else solids)]
     if config.flat_walls:
-        surfaces, yields = board_surfaces(place, evidence, solids, maps,
+        beliefs = [belief_of(one, not k) for k, one in enumerate(evidence)]
+        del evidence  # ten numbers per voxel of every part, a quarter of all memory
+        surfaces, yields = board_surfaces(place, beliefs, solids, maps,
                                           edge_directions(scene, place))
     else:
         solids[0] = carved_base(solids, evidence, place, config.clearance_voxels)

@@ -87,8 +87,10 @@ def fuse(grid: Grid, part: int, states: Sequence[tuple[PartMaps, F64]],
         enclosed = np.maximum(enclosed, sums[4] / np.maximum(blocked, FEW_VIEWS))
         hidden += blocked
     distance, weight = _mean_distance(sums[0], sums[1], sums[6], truncation, grid.voxel)
-    return Fused(grid, distance, weight, sums[2], sums[3], hidden, enclosed, sums[7],
-                 sums[6] + sums[8], sums[9], sums[10])
+    # Copies: a row would keep all others in memory.
+    own, other, background, behind, beside = (sums[n].copy() for n in (2, 3, 7, 9, 10))
+    return Fused(grid, distance, weight, own, other, hidden, enclosed, background,
+                 sums[6] + sums[8], behind, beside)
 
 
 def _mean_distance(total: F32, near: F32, free: F32, truncation: float,

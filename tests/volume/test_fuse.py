@@ -40,6 +40,13 @@ def test_volume_of_a_box_is_its_closed_form(one_box):
     assert moving_solid(fused).volume == pytest.approx((HI - LO).prod(), rel=0.03)
 
 
+def test_evidence_holds_one_number_per_voxel_and_field(one_box):
+    fused = fuse(grid_around(LO, HI), 1, [(one_box, np.eye(4))], TRUNCATION * VOXEL)
+    arrays = [value for value in vars(fused).values() if isinstance(value, np.ndarray)]
+    held = [array if array.base is None else array.base for array in arrays]
+    assert sum(one.nbytes for one in held) == len(arrays) * fused.distance.nbytes
+
+
 def test_a_window_of_the_grid_sees_what_the_grid_sees(one_box):
     grid = grid_around(LO, HI)
     window = grid.window(LO + 0.03, HI + 0.01)  # other block borders
