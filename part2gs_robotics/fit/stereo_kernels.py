@@ -139,11 +139,13 @@ def _least_first(seen: F32, count: int, size: int, used: int, low: int, high: in
         at = np.uint64(b)
         for one in range(used):
             here = np.uint64(one * size) + at
+            x = load(seen, here)
             for two in range(one + 1, count):
                 there = np.uint64(two * size) + at
-                x, y = load(seen, here), load(seen, there)
-                store(seen, here, least(x, y))
+                y = load(seen, there)
                 store(seen, there, most(x, y))
+                x = least(x, y)
+            store(seen, here, x)
         store(seen, at, _sum(seen, at, np.uint64(size), used))
 
 
