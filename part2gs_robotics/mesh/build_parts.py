@@ -29,6 +29,7 @@ from part2gs_robotics.model.se3 import apply, inverse
 from part2gs_robotics.model.solids import arrays
 from part2gs_robotics.model.twin import Part, PartMesh
 from part2gs_robotics.runtime.side_by_side import side_by_side
+from part2gs_robotics.volume.carve import Solid
 from part2gs_robotics.volume.grid_solids import (
     MARGIN,
     apart_solids,
@@ -77,12 +78,7 @@ def build_parts(scene: Scene, gaussians: tuple[Gaussians, Gaussians], motion: Mo
     evidence = part_evidence(place, maps, grid)
     wholes = whole_solids(evidence)
     solids = apart_solids(wholes, evidence, place, config.clearance_voxels)
-    for k, solid in enumerate(solids):
-        if not (solid.values > 0).any():
-            raise EmptyPartError(
-                f"{part_name(k)}: its volume is 0 on a grid of {max(solid.values.shape)} cells. "
-                "Needed surfaces of this part that some view sees; raise --resolution, give more "
-                "views, or lower --parts if the part does not exist.", k)
+    _require_volume(solids)
     require_room(solids, wholes, place)
     # Only now: a wire may have a way where grids that have lost its neighbours' wires leave none.
     # And not the base: nothing falls off it, and tubes along rims make its convex pieces worse.
@@ -109,6 +105,16 @@ def build_parts(scene: Scene, gaussians: tuple[Gaussians, Gaussians], motion: Mo
 def part_name(part: int) -> str:
     """Return the file-safe name of a part."""
     return f"part_{part}" if part else "base"
+
+
+def _require_volume(solids: list[Solid]) -> None:
+    """Raise if nothing is left of a part on its grid."""
+    for k, solid in enumerate(solids):
+        if not (solid.values > 0).any():
+            raise EmptyPartError(
+                f"{part_name(k)}: its volume is 0 on a grid of {max(solid.values.shape)} cells. "
+                "Needed surfaces of this part that some view sees; raise --resolution, give more "
+                "views, or lower --parts if the part does not exist.", k)
 
 
 def _inside_masks(maps: list[PartMaps], place: Place) -> tuple[list[PartMaps], Place]:
