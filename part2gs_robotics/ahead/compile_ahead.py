@@ -9,6 +9,7 @@ from __future__ import annotations
 import logging
 import subprocess
 import sys
+import threading
 import time
 from collections import deque
 from contextlib import suppress
@@ -62,6 +63,7 @@ class _Crew:
     def __init__(self, rest: list[Kernel]) -> None:
         self.rest, self.total, self.done = deque(rest), len(rest), 0
         self.workers: list[Worker] = []
+        self.choosing = threading.Lock()  # two may not look through what is left at once
         self.progress = Progress("compile kernels")
 
     def work(self) -> None:
@@ -79,19 +81,19 @@ class _Crew:
             return
         self.workers.append(worker)
         with suppress(BrokenPipeError), worker:  # closing the pipe to one that has ended
-            module = ""
-            while self.rest:
-                kernel = self._next(module)
-                if not self._compiled(worker, kernel):
-                    break
-                module = kernel.module
+            kernel = self._next()
+            while kernel and self._compiled(worker, kernel):
                 self.progress(self.done, self.total)
+                kernel = self._next(kernel.module)
 
-    def _next(self, module: str) -> Kernel:
+    def _next(self, module: str = "") -> Kernel | None:
         """Take a kernel of the same module, whose helpers this process has, else the next one."""
-        kernel = next((one for one in self.rest if one.module == module), self.rest[0])
-        self.rest.remove(kernel)
-        return kernel
+        with self.choosing:
+            if not self.rest:
+                return None
+            kernel = next((one for one in self.rest if one.module == module), self.rest[0])
+            self.rest.remove(kernel)
+            return kernel
 
     def _compiled(self, worker: Worker, kernel: Kernel) -> bool:
         """Return whether the process lives on after it was asked for a kernel."""
@@ -110,6 +112,7 @@ class _Crew:
 
     def stop(self) -> None:
         """End the processes."""
-        self.rest.clear()
+        with self.choosing:
+            self.rest.clear()
         for worker in self.workers:
             worker.kill()

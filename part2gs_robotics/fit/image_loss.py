@@ -91,6 +91,16 @@ def _clear_border(plane: Floats, y: int, height: int, stride: int) -> None:
         plane[(RADIUS + height) * stride:] = 0
 
 
+@inlined
+def _blur_row(row: Floats, planes: Floats, y: int, height: int, stride: int, size: int) -> None:
+    """Blur all maps of a row, `size` numbers each, into row y of their planes."""
+    for m in range(len(planes)):
+        _clear_border(planes[m], y, height, stride)
+        for x in range(0, stride, LANES):
+            store(planes[m], np.uint64((RADIUS + y) * stride + x),
+                  _blur(row, np.uint64(m * size + PAD + x), np.uint64(1)))
+
+
 @kernel
 def _blur_rows(image: Floats, target: Floats, y0: int, x0: int, height: int, width: int,
                rows: Floats, blurred: Floats) -> None:
@@ -111,12 +121,7 @@ def _blur_rows_at(job: int, image: Floats, target: Floats, y0: int, x0: int, hei
         at = PAD + x
         row[at], row[at + size] = a, b
         row[at + 2 * size], row[at + 3 * size], row[at + 4 * size] = a * a, b * b, a * b
-    for m in range(MAPS):
-        plane = blurred[c, m]
-        _clear_border(plane, y, height, stride)
-        for x in range(0, stride, LANES):
-            store(plane, np.uint64((RADIUS + y) * stride + x),
-                  _blur(row, np.uint64(m * size + PAD + x), np.uint64(1)))
+    _blur_row(row, blurred[c], y, height, stride, size)
 
 
 @inlined
@@ -160,12 +165,7 @@ def _compare_at(job: int, height: int, stride: int, inside: Floats, rows: Floats
         store(row, to + np.uint64(size), by_xx * here)
         store(row, to + np.uint64(2 * size), by_xy * here)
     sums[job] = total(found)
-    for m in range(BY):
-        plane = by[c, m]
-        _clear_border(plane, y, height, stride)
-        for x in range(0, stride, LANES):
-            store(plane, np.uint64((RADIUS + y) * stride + x),
-                  _blur(row, np.uint64(m * size + PAD + x), np.uint64(1)))
+    _blur_row(row, by[c], y, height, stride, size)
 
 
 @kernel

@@ -86,7 +86,7 @@ def build_parts(scene: Scene, gaussians: tuple[Gaussians, Gaussians], motion: Mo
               for k, solid in enumerate(wholes if config.flat_walls else solids)]
     if config.flat_walls:
         beliefs = [belief_of(one, not k) for k, one in enumerate(evidence)]
-        del evidence  # ten numbers per voxel of every part, a quarter of all memory
+        del evidence  # ten numbers per voxel of every part
         surfaces, yields = board_surfaces(place, beliefs, solids, maps,
                                           edge_directions(scene, place))
     else:

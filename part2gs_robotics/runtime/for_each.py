@@ -1,8 +1,8 @@
 """For each: a compiled loop whose indices all threads share.
 
 Numba's `prange` turns the loop into a function of its own and compiles that beside the one it stood
-in, half of what compiling took. Here the body is a function already: what remains is its call. The
-threads are Numba's, as many as it is told, so that `side_by_side` can share them out.
+in. Here the body is a function already: what remains is its call. The threads are Numba's, as many
+as it is told, so that `side_by_side` can share them out.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ def in_turn(count: int, body: Callable[..., None], given: tuple[Any, ...]) -> No
         given: its further arguments.
 
     Raises:
-        RuntimeError: in a kernel, when a call failed; the others of its thread are still made.
+        RuntimeError: in a kernel, when a call failed; all others are made.
     """
     for i in range(count):
         body(i, *given)

@@ -248,7 +248,7 @@ def _fuse_at(n: int, lo: F64, voxel: float, projections: F64, depths: F32,
     for c in range(4, 8):
         if count[c] > 0.0:
             more = np.float32(count[c])
-            for x in range(x0, x1):  # a sum of slices would take ten times as long to compile
+            for x in range(x0, x1):  # a sum of slices takes seconds to compile
                 for y in range(y0, y1):
                     for z in range(z0, z1):
                         sums[c, x, y, z] += more

@@ -18,6 +18,7 @@ from part2gs_robotics.ahead import compile_ahead as room
 from part2gs_robotics.ahead.listed import Kernel, listed, read
 from part2gs_robotics.ahead.worker import serve
 from part2gs_robotics.runtime import jit, jit_cache
+from part2gs_robotics.runtime.threads import in_threads
 
 FEW = [one for one in listed() if one.name in ("add_up", "depth_keys", "set_cursors", "share_out")]
 CALL = ("import numpy as np\nfrom part2gs_robotics.runtime.jit_cache import compile_seconds\n"
@@ -50,6 +51,33 @@ def test_every_kernel_of_the_list_exists_and_its_types_are_read() -> None:
         types, _ = sigutils.normalize_signature(one.types)
         assert len(types) == function.py_func.__code__.co_argcount, one.line
         assert read(one.line + "\n") == one
+
+
+def test_processes_share_out_kernels_each_once() -> None:
+    kernels = [Kernel(f"module_{n % 7}", f"kernel_{n}", "()") for n in range(3000)]
+    crew = room._Crew(kernels)
+
+    def take() -> list[Kernel]:
+        taken: list[Kernel] = []
+        while kernel := crew._next(taken[-1].module if taken else ""):
+            taken.append(kernel)
+        return taken
+
+    before = sys.getswitchinterval()
+    try:
+        sys.setswitchinterval(1e-6)  # threads take turns within a look through what is left
+        taken = in_threads([take] * 8, most=8)
+    finally:
+        sys.setswitchinterval(before)
+    assert sorted(one.name for own in taken for one in own) == sorted(k.name for k in kernels)
+
+
+def test_a_process_goes_on_with_the_module_it_has_begun() -> None:
+    kernels = [Kernel(f"module_{n % 2}", f"kernel_{n}", "()") for n in range(6)]
+    crew = room._Crew(kernels)
+    modules = [kernel.module for _ in range(3) if (kernel := crew._next("module_1"))]
+    assert modules == ["module_1"] * 3
+    assert crew._next("module_1") == kernels[0]
 
 
 def test_a_build_finds_what_other_processes_compiled(folder: Path,
