@@ -32,8 +32,10 @@ from part2gs_robotics.articulate import Found, found_motions, settled_motion
 from part2gs_robotics.config import ArticulateConfig
 from part2gs_robotics.decide.candidate import PART, Candidate, on_base
 from part2gs_robotics.decide.judge import Judge
+from part2gs_robotics.evidence.study import Study
 from part2gs_robotics.model import se3
 from part2gs_robotics.model.joint import Joint
+from part2gs_robotics.model.motion import Motion
 
 ROOT = Path(__file__).resolve().parents[1]
 RESULTS, PAGE = ROOT / "benchmarks/results/ladder.json", ROOT / "docs/ladder.md"
@@ -103,18 +105,28 @@ def after(case: Known, found: Found, good: set[int]) -> dict[str, Any]:
     began = time.monotonic()
     motion, study = settled_motion(case.both.scene, found, ArticulateConfig()), found.judge.study
     seconds = time.monotonic() - began
-    labels = [motion.labels(s)[cKDTree(study.gaussians[s].means).query(study.surfels[s].points)[1]]
-              for s in (0, 1)]
-    carried = [replace(h, carrier=motion.joints[p - 1].move if p else None)
-               for h, p in zip(motion.joints, motion.parents, strict=True)]
-    left = replace(on_base(carried, np.concatenate(labels)), parents=motion.parents)
+    left = as_candidate(motion, study)
     end = right(found.judge, left, case, case.labels(study.surfels))
     return {"settled": len(left), "settled_right": len(end), "lost": len(good - end),
             "settled_seconds": round(seconds, 1)}
 
 
+def as_candidate(motion: Motion, study: Study) -> Candidate:
+    """Return settled joints as a set of motions, not judged, surfels labelled as Gaussians near."""
+    labels = [motion.labels(s)[cKDTree(study.gaussians[s].means).query(study.surfels[s].points)[1]]
+              for s in (0, 1)]
+    carried = [replace(h, carrier=motion.joints[p - 1].move if p else None)
+               for h, p in zip(motion.joints, motion.parents, strict=True)]
+    return replace(on_base(carried, np.concatenate(labels)), parents=motion.parents)
+
+
 def right(judge: Judge, decided: Candidate, case: Known, true: np.ndarray) -> set[int]:
     """Return the true parts that have a motion of their own that carries them to their place."""
+    return set(matched(judge, decided, case, true).values())
+
+
+def matched(judge: Judge, decided: Candidate, case: Known, true: np.ndarray) -> dict[int, int]:
+    """Return the true part, from 0, of every motion that is one's own, by the motion's number."""
     taken: dict[int, int] = {}
     for k, h in enumerate(case.candidate.motions):
         gaps = [nearest(h, case.own(k), [g]) / judge.study.diag for g in decided.motions]
@@ -125,7 +137,7 @@ def right(judge: Judge, decided: Candidate, case: Known, true: np.ndarray) -> se
                 and both[n] > SHARED]
         if fits:
             taken[min(fits, key=lambda n: gaps[n])] = k
-    return set(taken.values())
+    return taken
 
 
 def markdown(rows: list[dict[str, Any]]) -> str:

@@ -15,7 +15,7 @@ from part2gs_robotics.decide.labelling import FOREIGN_COST, NEUTRAL_COST, Unary,
 from part2gs_robotics.decide.passage import PASS_COST, Seen, passage_costs
 from part2gs_robotics.decide.surrounded import joined
 from part2gs_robotics.evidence.graph import Graph, ways_from
-from part2gs_robotics.evidence.landing import Landing
+from part2gs_robotics.evidence.landing import MATCHED, Landing
 from part2gs_robotics.evidence.study import Study
 from part2gs_robotics.model import se3
 from part2gs_robotics.model.arrays import F64, Labels, Mask
@@ -23,7 +23,6 @@ from part2gs_robotics.runtime.for_each import for_each
 from part2gs_robotics.runtime.jit import inlined, kernel
 
 Lands = tuple[Landing, Landing]
-PROVEN = 0.25  # landing cost: a fair match, well below an unobserved place
 MARGIN = 0.1  # that every other label costs more
 AGREED = 0.8  # of the neighbours of a proof are proofs too: similar grain proves patches by chance
 SHELLS = 4  # times that is asked: patches less than four surfels wide are such chances
@@ -86,7 +85,7 @@ def _passing(study: Study, costs: F64, proofs: NDArray[np.bool_], found: Candida
     out = np.zeros_like(costs)
     seen = Seen(points, normals, late, proofs)
     out[asked] = passage_costs(seen, asked, found.motions, found.parents, study.lands[0].voxel)
-    out[costs[:, 0] < PROVEN, 0] = 0.0  # seen in one place in both states: nothing passed there
+    out[costs[:, 0] < MATCHED, 0] = 0.0  # seen in one place in both states: nothing passed there
     return out
 
 
@@ -95,7 +94,7 @@ def _proofs(costs: F64, hard: Labels) -> NDArray[np.bool_]:
     rows = np.arange(len(hard))
     own, others = costs[rows, hard], costs.copy()
     others[rows, hard] = np.inf
-    proven = (own < PROVEN) & (own + MARGIN < others.min(1))
+    proven = (own < MATCHED) & (own + MARGIN < others.min(1))
     return np.asarray(proven[:, None] & (hard[:, None] == np.arange(costs.shape[1])))
 
 

@@ -14,11 +14,11 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from part2gs_robotics.decide.candidate import PART, Candidate
-from part2gs_robotics.decide.judge import NEAR, UNEXPLAINED, Judge, arm_of
+from part2gs_robotics.decide.judge import NEAR, Judge, arm_of
 from part2gs_robotics.decide.leave_out import joint_of, thinned
 from part2gs_robotics.decide.screws import RARE
 from part2gs_robotics.evidence.faces import directions
-from part2gs_robotics.evidence.landing import land
+from part2gs_robotics.evidence.landing import UNEXPLAINED, land
 from part2gs_robotics.evidence.surfels import Surfels
 from part2gs_robotics.model import se3
 from part2gs_robotics.model.arrays import F64, Labels

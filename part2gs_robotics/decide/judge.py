@@ -13,7 +13,7 @@ from part2gs_robotics.decide.labelling import Unary, energy_of, label, unary_cos
 from part2gs_robotics.decide.loose import bodies_of, hanging, hung, vanished
 from part2gs_robotics.decide.made_joints import askew, crooked, square
 from part2gs_robotics.evidence.cross_render import both_cost
-from part2gs_robotics.evidence.landing import unclaimed
+from part2gs_robotics.evidence.landing import UNEXPLAINED, unclaimed
 from part2gs_robotics.evidence.study import Study
 from part2gs_robotics.evidence.surfaces import Evidence
 from part2gs_robotics.evidence.surfels import Surfels, at_home
@@ -23,8 +23,6 @@ from part2gs_robotics.model.joint import Joint
 from part2gs_robotics.runtime.side_by_side import side_by_side
 from part2gs_robotics.search.refine import refine
 
-UNEXPLAINED = 0.5  # landing cost: halfway from an unobserved place to one seen empty
-MIN_SURFELS = 25  # in either state: less is the size of a floater
 NEAR = 0.05  # of the diagonal: hinges of eleven scenes pass their parts by 0.036 at most
 SHOWN = 2  # sets per step, the best by surfels, that images see
 

@@ -127,7 +127,6 @@ class Unary:
         _own_costs(self.match, self.target, self.miss, self.everywhere, hard, out)
         return out
 
-
     def of_parts(self, hard: Labels) -> F64:
         """Return [N, L] costs of every label if a surfel's whole part took it along, hard [N]."""
         met = hard[np.maximum(self.target, 0)]

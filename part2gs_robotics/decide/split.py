@@ -13,8 +13,8 @@ from itertools import combinations
 import numpy as np
 
 from part2gs_robotics.decide.candidate import Candidate
-from part2gs_robotics.decide.judge import MIN_SURFELS, Judge
-from part2gs_robotics.evidence.surfels import Surfels, apart, at_home
+from part2gs_robotics.decide.judge import Judge
+from part2gs_robotics.evidence.surfels import FLOATER, Surfels, apart, at_home
 from part2gs_robotics.model.joint import Joint
 from part2gs_robotics.search.bodies import GAP, connected
 from part2gs_robotics.search.refine import misfit, refine
@@ -54,7 +54,7 @@ def in_pieces(judge: Judge, found: Candidate) -> list[Candidate]:
     """
     study, sets = judge.study, []
     for k, h in enumerate(found.motions):
-        bodies = pieces(h, study.own(found.labels, k + 1), study.diag, MIN_SURFELS)
+        bodies = pieces(h, study.own(found.labels, k + 1), study.diag, FLOATER)
         if len(bodies) > 1 and found.free(k):
             own = [_own(judge, h, piece) for piece in bodies[:2]]
             if apart(own[0], own[1], bodies[1]) > NEAR * study.diag:

@@ -13,6 +13,8 @@ from scipy.sparse.csgraph import connected_components
 
 from part2gs_robotics.decide.labelling import Unary
 from part2gs_robotics.evidence.graph import Graph
+from part2gs_robotics.evidence.landing import MATCHED
+from part2gs_robotics.evidence.surfels import FLOATER
 from part2gs_robotics.model.arrays import F64, Labels
 
 LINKED = 0.3  # weight of neighbours on one face: across a right angle it is 0.25 at most
@@ -20,8 +22,6 @@ FACING = 0.7  # length of the mean normal: a sheet looks one way (half a pipe 0.
 AMID = 0.7  # of the neighbours around a face: another part has it all but surrounded
 TIE = 0.05  # mean landing cost, a colour step: what one label explains better than the other
 TOUCH = 0.01  # weight of neighbours that touch: within 2.7 times the reach of most, 3.2 on one face
-BODY = 25  # surfels, the size of a floater: what moves as one amid a part has thousands
-MATCHED = 0.25  # mean landing cost: a fair match, well below an unobserved place
 GONE = 0.05  # of the diagonal: what moves less, a hinge's post amid doors, may as well stay
 ROUNDS = 3  # patches of both states vouch for each other; those that fail take others along
 
@@ -88,7 +88,7 @@ def _afloat(hard: Labels, graph: Graph, ways: F64, first: int) -> tuple[Labels, 
         np.add.at(around, (body[one[out]], hard[two[out]]), 1.0)
     wanted = around.argmax(1)
     far = np.bincount(body, ways[np.arange(len(hard)), wanted[body]], total)
-    loose = (sizes >= BODY) & (around.max(1) >= AMID * around.sum(1)) & (around.max(1) > 0)
+    loose = (sizes >= FLOATER) & (around.max(1) >= AMID * around.sum(1)) & (around.max(1) > 0)
     loose &= far >= GONE * np.maximum(sizes, 1)
     for state in (body[:first], body[first:]):
         if len(state):

@@ -17,6 +17,7 @@ BACKGROUND_ALPHA = 0.1  # below: nothing there; 0.1..0.5 are mixed edge pixels t
 SOLID_ALPHA = 0.5  # a pixel at least half covered has a first surface, less is an edge
 ROUGH = 3.0  # times the median of a state: a rough fit is that deep everywhere, a pane is not
 PANE = 5  # pixels: rims of outlines, mixed of near and far, are narrower
+MIN_VIEWS = 3  # that must agree about a place: one or two may share an error, or see a floater
 CHUNK = 2048  # points per task: one view's depth map stays in the core's cache meanwhile
 
 

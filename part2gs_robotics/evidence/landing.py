@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from part2gs_robotics.evidence.depth_maps import DepthMaps, look_past
+from part2gs_robotics.evidence.depth_maps import MIN_VIEWS, DepthMaps, look_past
 from part2gs_robotics.evidence.light import brightness
 from part2gs_robotics.evidence.surfels import Surfels
 from part2gs_robotics.model import se3
@@ -18,9 +18,10 @@ from part2gs_robotics.model.arrays import F64
 from part2gs_robotics.runtime.for_each import for_each
 from part2gs_robotics.runtime.jit import inlined, kernel
 
-MIN_FREE_VIEWS = 3  # one or two views past a point may be floaters or mask errors
 FREE_COST = 1.0  # contradiction: the other state saw nothing there
 HIDDEN_COST = 0.45  # neutral: nobody looked there; must not be cheaper than a fair match
+UNEXPLAINED = 0.5  # landing cost: just above a place nobody saw, halfway to one seen empty
+MATCHED = 0.25  # landing cost: a fair match, well below an unobserved place
 CLAIMED_COST = (
     0.25  # the surface met stayed where it is: it cannot be the image of a moved point as well
 )
@@ -86,7 +87,7 @@ def build_landing(surfels: Surfels, claimed: F64, maps: DepthMaps, box: tuple[F6
     axes = [lo[i] + (np.arange(shape[i]) + 0.5) * voxel for i in range(3)]
     centres = np.stack(np.meshgrid(*axes, indexing="ij"), -1).reshape(-1, 3)
     seen, behind = look_past(centres, maps, voxel)
-    free = (seen.free >= MIN_FREE_VIEWS) & (seen.free > seen.surface)
+    free = (seen.free >= MIN_VIEWS) & (seen.free > seen.surface)
     index = np.full(len(centres), -1, np.int32)
     distance, found = cKDTree(surfels.points).query(centres, distance_upper_bound=reach, workers=-1)
     hit = np.isfinite(distance)

@@ -9,7 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from part2gs_robotics.errors import FitError
-from part2gs_robotics.evidence.depth_maps import DepthMaps, observe, render_depth_maps
+from part2gs_robotics.evidence.depth_maps import (
+    MIN_VIEWS,
+    DepthMaps,
+    observe,
+    render_depth_maps,
+)
 from part2gs_robotics.evidence.light import light_of, unshaded
 from part2gs_robotics.evidence.surfels import Surfels, fuse_surfels, sampling
 from part2gs_robotics.model.arrays import F64
@@ -19,7 +24,6 @@ from part2gs_robotics.runtime.side_by_side import side_by_side
 
 SELF_TOLERANCE = 0.012  # of the diagonal: a surfel its own state sees past is a floater
 FREE_TOLERANCE = 0.015  # of the diagonal: above the depth error of four pixels out of five
-MIN_VIEWS = 3  # votes needed to call a place free or occupied
 
 
 @dataclass(frozen=True)

@@ -14,6 +14,7 @@ from part2gs_robotics.model.joint import Joint
 
 NORMAL_STEP = 2  # pixels: rendered depth has pixel-scale noise, two pixels average it
 FILL = 1.25  # cells per sample: a cell of one pixel is missed by a view that looks askew
+FLOATER = 25  # surfels: what moves as one has thousands, and less of it in a state is no part
 MAX_SLOPE = 6.0  # depth change per pixel footprint; steeper = silhouette edge or grazing view
 
 

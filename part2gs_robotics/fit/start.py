@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from part2gs_robotics.config import FitConfig, StereoConfig
-from part2gs_robotics.evidence.depth_maps import DepthMaps, observe
+from part2gs_robotics.evidence.depth_maps import MIN_VIEWS, DepthMaps, observe
 from part2gs_robotics.evidence.surfels import Surfels, fuse_surfels, sampling
 from part2gs_robotics.fit.hull import Hull
 from part2gs_robotics.fit.hull_points import point_colors, surface_points
@@ -22,7 +22,6 @@ START_OPACITY = 0.7  # high enough to hide the far side, low enough to fade wher
 HOLLOW_SHARE = 0.7  # discs in hollows per disc on the hull, at most: what stands open needs as many
 NEAR = 0.012  # of the diagonal: above the stereo's error in three pixels out of four
 SPACING = 0.008  # of the diagonal: about as dense as 14,000 discs on the hull of a box
-MIN_VIEWS = 3  # depth maps that must agree: one or two may share an error
 
 
 def first_gaussians(hull: Hull, state: StateViews, config: FitConfig,

@@ -10,9 +10,10 @@ from scipy.spatial import cKDTree
 from part2gs_robotics.config import ArticulateConfig
 from part2gs_robotics.decide.candidate import Candidate
 from part2gs_robotics.decide.claim import STAYS, claim
-from part2gs_robotics.decide.judge import MIN_SURFELS, Judge
+from part2gs_robotics.decide.judge import Judge
 from part2gs_robotics.decide.labelling import Unary, unary_costs
 from part2gs_robotics.evidence.study import Study
+from part2gs_robotics.evidence.surfels import FLOATER
 from part2gs_robotics.model.arrays import F32, F64, Labels
 from part2gs_robotics.paper.identity import PAPER, refine_identities
 
@@ -29,7 +30,7 @@ def start_labels(judge: Judge, found: Candidate, config: ArticulateConfig) -> La
         return found.labels
     hard = landing_costs(judge, [h.move for h in found.motions]).argmin(1)
     counts = np.bincount(hard, minlength=len(found) + 1)
-    few = np.flatnonzero(counts < MIN_SURFELS)
+    few = np.flatnonzero(counts < FLOATER)
     return np.where(np.isin(found.labels, few), found.labels, hard)
 
 

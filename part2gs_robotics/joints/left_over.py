@@ -17,12 +17,12 @@ from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
-from part2gs_robotics.evidence.canonical import Canonical
+from part2gs_robotics.evidence.canonical import SIDE, VIEWS, Canonical
 from part2gs_robotics.evidence.cross_render import cross_errors, floor_of, shown
-from part2gs_robotics.evidence.depth_maps import observe
+from part2gs_robotics.evidence.depth_maps import MIN_VIEWS, observe
 from part2gs_robotics.evidence.graph import ON, build_graph, seen_in
 from part2gs_robotics.evidence.light import Light
-from part2gs_robotics.evidence.surfaces import FREE_TOLERANCE, MIN_VIEWS
+from part2gs_robotics.evidence.surfaces import FREE_TOLERANCE
 from part2gs_robotics.model import se3
 from part2gs_robotics.model.arrays import F64, Labels, Mask
 from part2gs_robotics.model.kinematics import part_motions
@@ -30,7 +30,6 @@ from part2gs_robotics.model.motion import LeftOver, Motion
 from part2gs_robotics.model.small_views import chosen, small_views
 from part2gs_robotics.runtime.side_by_side import side_by_side
 
-VIEWS, SIDE = 24, 200  # photos of each state, and their longest side: of `canonical`, as many tell
 BODY = 0.5  # of a surfel's neighbours: a body has area, noise comes in specks and along edges
 # Deviations from what both states show, by its median: a part in a wrong place hides much of that.
 SIGMAS, NORMAL = 3.0, 0.6745

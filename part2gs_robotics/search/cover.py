@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from part2gs_robotics.evidence.faces import directions
-from part2gs_robotics.evidence.landing import Landing, land
+from part2gs_robotics.evidence.landing import UNEXPLAINED, Landing, land
 from part2gs_robotics.evidence.study import FINE_TAU, Study
 from part2gs_robotics.evidence.surfaces import Evidence
 from part2gs_robotics.evidence.surfels import Surfels
@@ -21,7 +21,6 @@ from part2gs_robotics.runtime.side_by_side import side_by_side
 from part2gs_robotics.search.patches import Aim, search_patch
 from part2gs_robotics.search.refine import refine
 
-NULL_COST = 0.5  # an evidence point that no motion explains; just above HIDDEN_COST
 PATCH_RADIUS = 0.10  # of the diagonal: smaller than a drawer front, larger than a knob
 PATCH_POINTS = 80  # enough to rank 1e5 hypotheses, few enough to do it in a second
 LEAST_MOTION = (
@@ -119,7 +118,7 @@ def explained(
     """Return what a motion saves per vacated and per arrived surfel, each >= 0."""
     zero, _, _ = land(h.move, evidence.vacated, lands[1], tau)
     one, _, _ = land(se3.inverse(h.move), evidence.arrived, lands[0], tau)
-    return np.maximum(NULL_COST - zero, 0), np.maximum(NULL_COST - one, 0)
+    return np.maximum(UNEXPLAINED - zero, 0), np.maximum(UNEXPLAINED - one, 0)
 
 
 def saved_matrix(

@@ -6,13 +6,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from part2gs_robotics.evidence.landing import Landing, land
+from part2gs_robotics.evidence.landing import HIDDEN_COST, Landing, land
 from part2gs_robotics.evidence.surfels import Surfels
 from part2gs_robotics.model import se3
 from part2gs_robotics.model.arrays import F64
 from part2gs_robotics.model.joint import Joint, JointKind
 
-INLIER_COST = 0.45  # HIDDEN_COST: a real surface was met, and better than nothing
 STIFF = 1e9  # of the curvature: a held axis moves by a billionth of a step
 STEPS = 4  # per matching distance; twice as many change nothing across faces
 TANGENT_WEIGHT = 0.15  # flat faces say nothing sideways; colour edges and rims a little
@@ -77,9 +76,9 @@ def matches(
 ) -> tuple[F64, F64, F64, F64]:
     """Return matched points and normals of state 0, then of state 1, each [M, 3]."""
     cost, index, _ = land(move, sets[0], lands[1], tau)
-    ok = (index >= 0) & (cost < INLIER_COST)
+    ok = (index >= 0) & (cost < HIDDEN_COST)
     back, back_index, _ = land(se3.inverse(move), sets[1], lands[0], tau)
-    back_ok = (back_index >= 0) & (back < INLIER_COST)
+    back_ok = (back_index >= 0) & (back < HIDDEN_COST)
     s0, s1 = lands[0].surfels, lands[1].surfels
     zero = np.concatenate([sets[0].points[ok], s0.points[back_index[back_ok]]])
     zero_n = np.concatenate([sets[0].normals[ok], s0.normals[back_index[back_ok]]])

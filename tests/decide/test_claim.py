@@ -13,7 +13,6 @@ from part2gs_robotics.decide.candidate import on_base
 from part2gs_robotics.decide.claim import (
     FAR_COST,
     LEAD,
-    PROVEN,
     SHELLS,
     STAYS,
     _cores,
@@ -24,6 +23,7 @@ from part2gs_robotics.decide.claim import (
 )
 from part2gs_robotics.decide.labelling import FOREIGN_COST, NEUTRAL_COST, Unary
 from part2gs_robotics.evidence.graph import Graph, build_graph, ways_along, web_of
+from part2gs_robotics.evidence.landing import MATCHED
 from part2gs_robotics.model.joint import Joint
 
 COUNT = 41  # surfels in a row, a unit apart
@@ -97,7 +97,7 @@ def test_a_way_does_not_lead_through_a_wall() -> None:
 def test_proofs_are_clear_and_stand_amid_proofs() -> None:
     costs = np.full((COUNT, 2), NEUTRAL_COST)
     hard = (np.arange(COUNT) >= 20).astype(np.int64)
-    costs[:20], costs[20:] = (0.0, 1.0), (1.0, PROVEN + 0.01)  # the right half is too dear
+    costs[:20], costs[20:] = (0.0, 1.0), (1.0, MATCHED + 0.01)  # the right half is too dear
     costs[30] = 1.0, 0.0  # clear, but alone
     proven = _cores(_proofs(costs, hard), row_of_surfels().graph)
     assert proven[: 20 - SHELLS, 0].all()

@@ -10,7 +10,7 @@ import pytest
 from part2gs_robotics.evidence.surfaces import Evidence
 from part2gs_robotics.model import se3
 from part2gs_robotics.model.joint import Joint
-from part2gs_robotics.search.cover import NULL_COST, choose, cover, explained, saved_matrix
+from part2gs_robotics.search.cover import UNEXPLAINED, choose, cover, explained, saved_matrix
 
 
 def value(saved, rows, price):
@@ -77,7 +77,7 @@ def test_the_true_motion_explains_its_evidence_and_staying_none(slid):
     evidence, lands = evidence_of(slid)
     truth = Joint("prismatic", slid.axis, np.zeros(3), slid.value)
     zero, one = explained(truth, evidence, lands, 0.03)
-    assert np.concatenate([zero, one]).mean() > 0.8 * NULL_COST
+    assert np.concatenate([zero, one]).mean() > 0.8 * UNEXPLAINED
     still = Joint("prismatic", slid.axis, np.zeros(3), 0.0)
     saved = saved_matrix([truth, still], evidence, lands, 2.0)
     assert saved.shape == (2, len(evidence.vacated) + len(evidence.arrived))
