@@ -23,6 +23,7 @@ TABLES = {
     ("docs/geometry.md", "pieces"): ("pieces", "pieces", "markdown"),
     ("docs/ladder.md", "ladder"): ("ladder", "ladder", "markdown"),
     ("docs/ladder.md", "incomplete"): ("incomplete", "incomplete", "markdown"),
+    ("docs/ladder.md", "rules"): ("rules", "rules", "markdown"),
     ("docs/losses.md", "losses"): ("losses", "losses_ranks", "markdown"),
     ("docs/scene.md", "align"): ("align", "align", "table"),
     ("docs/masks.md", "masks"): ("masks", "masks", "table"),
