@@ -195,14 +195,16 @@ def line(rule: Rule, own: list[dict[str, Any]], was: list[dict[str, Any]]) -> st
     others = [f"`{r['object']}`" for r, w in zip(own, was, strict=True)
               if any(r[key] != w[key] for key in same)]
     gap = fmean(r["cost"] - w["cost"] for r, w in zip(own, was, strict=True))
-    share = sum(r["seconds"] for r in own) / sum(w["seconds"] for w in was)
+    # The first search ran anew for some rules, once for all others: their seconds are not alike.
+    share = ("-" if rule.searches else
+             f"x {sum(r['seconds'] for r in own) / sum(w['seconds'] for w in was):.2f}")
     before, after = ([exact(rows), f"{total(rows, 'right')}, {false(rows)}",
                       f"{fmean(r['miou'] for r in rows):.3f}",
                       f"{max(r['axis'] for r in rows):.2f}"] for rows in (was, own))
     counts, parts, *rest = (a if a == b else f"{b} → {a}"
                             for b, a in zip(before, after, strict=True))
     return (f"| {rule.told} | {counts} of {len(own)} | {parts} of {total(own, 'parts')} | "
-            f"{' | '.join(rest)} | {gap:+.2f} | x {share:.2f} | {', '.join(others) or 'none'} |")
+            f"{' | '.join(rest)} | {gap:+.2f} | {share} | {', '.join(others) or 'none'} |")
 
 
 def exact(rows: list[dict[str, Any]]) -> str:

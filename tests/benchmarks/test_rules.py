@@ -121,6 +121,11 @@ def test_the_table_counts_what_a_rule_is_worth(load):
     assert "screws" not in made  # not asked
 
 
+def test_seconds_of_a_search_that_ran_anew_are_not_compared(load):
+    made = load("rules").markdown([row("", "a"), row("snapped", "a", seconds=50.0)])
+    assert "| +0.00 | - | none |" in made
+
+
 def test_what_is_the_same_without_a_rule_is_told_once(load):
     made = load("rules").markdown([row("", "a"), row("tune", "a", seconds=5.0)])
     assert "| slides tuned together | 1 of 1 | 2, 0 of 2 | 0.900 | 0.10 | +0.00 | x 0.50 | none |" \
