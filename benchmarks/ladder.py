@@ -62,7 +62,7 @@ def climbed(case: Known, settle: bool) -> dict[str, Any]:
     free = [k for k in range(len(truth)) if k + 1 not in truth.parents]
     less = [best(judge, judge.judge(truth.without(k))) for k in free if len(truth) > 1]
     more = best(judge, judge.best_of([truth.plus(h) for h in found.pool]))
-    shares = labels_right(judge, truth, true)
+    shares = labels_right(judge, truth.labels, true, len(truth) + 1)
     good = right(judge, decided, case, true)
     return {
         "object": case.name, "commit": git("rev-parse", "--short", "HEAD"), "parts": len(truth),
@@ -83,10 +83,10 @@ def best(judge: Judge, found: Candidate) -> Candidate:
     return judge.renewed(judge.polished(found))
 
 
-def labels_right(judge: Judge, found: Candidate, true: np.ndarray) -> np.ndarray:
-    """Return [K + 1] IoU of every label, mean of both states."""
-    first, count = len(judge.study.surfels[0]), len(found) + 1
-    pairs = zip(np.split(found.labels, [first]), np.split(true, [first]), strict=True)
+def labels_right(judge: Judge, hard: np.ndarray, true: np.ndarray, count: int) -> np.ndarray:
+    """Return [count] IoU of every label, mean of both states."""
+    first = len(judge.study.surfels[0])
+    pairs = zip(np.split(hard, [first]), np.split(true, [first]), strict=True)
     return np.asarray(np.mean([iou(own, there, count) for own, there in pairs], axis=0))
 
 

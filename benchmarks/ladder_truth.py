@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import json
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -45,15 +45,21 @@ def remade(purpose: str, results: Path, stage: str,
     args = parser.parse_args()
     asked = {flag: getattr(args, flag) for flag in flags}
     rows = {r["object"]: r for r in json.loads(results.read_text())} if results.exists() else {}
-    for work in args.work:
+    for name, out, scene in places(args.work, args.objects, stage):
+        rows[name] = measure(name, out, scene, **asked)
+        sys.stderr.write(f"{rows[name]}\n")
+        results.write_text(json.dumps([rows[n] for n in sorted(rows)], indent=1) + "\n")
+    return rows
+
+
+def places(works: Sequence[Path], only: Sequence[str] | None, stage: str,
+           ) -> Iterator[tuple[str, Path, Path]]:
+    """Yield name, build and scene of every object of the suite's folders that has a stage."""
+    for work in works:
         for file in sorted(work.glob(f"runs/*/*/stages/{stage}/manifest.json")):
             out = file.parents[2]
-            if not args.objects or out.name in args.objects:
-                scene = work / "scenes" / out.parent.name / out.name
-                rows[out.name] = measure(out.name, out, scene, **asked)
-                sys.stderr.write(f"{rows[out.name]}\n")
-                results.write_text(json.dumps([rows[n] for n in sorted(rows)], indent=1) + "\n")
-    return rows
+            if not only or out.name in only:
+                yield out.name, out, work / "scenes" / out.parent.name / out.name
 
 
 @dataclass(frozen=True)

@@ -26,8 +26,8 @@ from statistics import fmean
 from typing import Any
 
 import numpy as np
-from ladder import as_candidate, matched
-from ladder_truth import Known, iou, known
+from ladder import as_candidate, labels_right, matched
+from ladder_truth import Known, known, places
 from reconstruction_suite import git, published
 from rules_off import DECIDED, SETTLED, Rule, off
 
@@ -53,7 +53,7 @@ def main() -> int:
     parser.add_argument("--rules", nargs="+", help="only these")
     parser.add_argument("--settle", action="store_true", help="rules of the second half")
     args = parser.parse_args()
-    for name, out, scene in places(args.work, args.objects):
+    for name, out, scene in places(args.work, args.objects, "02_fit_1"):
         case = known(name, out, scene)
         usual, every = (Rule("settled", ""), SETTLED) if args.settle else (Rule("", ""), DECIDED)
         rules = [r for r in every if not args.rules or r.name in args.rules]
@@ -78,15 +78,6 @@ def keep(row: dict[str, Any]) -> None:
     rows = [r for r in stored() if (r["rule"], r["object"]) != named] + [row]
     rows.sort(key=lambda r: (r["rule"], r["object"]))
     RESULTS.write_text(json.dumps(rows, indent=1) + "\n")
-
-
-def places(works: list[Path], only: list[str] | None) -> Iterator[tuple[str, Path, Path]]:
-    """Yield name, build and scene of every object whose fits are there."""
-    for work in works:
-        for file in sorted(work.glob("runs/*/*/stages/02_fit_1/manifest.json")):
-            out = file.parents[2]
-            if not only or out.name in only:
-                yield out.name, out, work / "scenes" / out.parent.name / out.name
 
 
 @dataclass(frozen=True)
@@ -150,10 +141,7 @@ def row(case: Known, rule: Rule, judge: Judge, end: Candidate, seconds: float) -
     pairs = matched(judge, end, case, true)
     named = np.zeros(len(end) + 1, np.int64)
     named[1:] = [pairs.get(n, len(case.candidate) + n) + 1 for n in range(len(end))]
-    first, count = len(judge.study.surfels[0]), len(case.candidate) + 1
-    shares = np.mean([iou(own, there, count) for own, there in
-                      zip(np.split(named[end.labels], [first]), np.split(true, [first]),
-                          strict=True)], axis=0)
+    shares = labels_right(judge, named[end.labels], true, len(case.candidate) + 1)
     axes = [angle(end.motions[n], case.candidate.motions[k]) for n, k in pairs.items()]
     whole = judge.judge(replace(end, judged=None)).cost - judge.judge(on_base([])).cost
     return {"rule": rule.name, "object": case.name, "parts": len(case.candidate),

@@ -7,6 +7,7 @@ rule what is an error's.
 from __future__ import annotations
 
 import inspect
+from dataclasses import make_dataclass
 from types import SimpleNamespace
 
 import numpy as np
@@ -89,18 +90,20 @@ def test_the_search_without_moves_that_split_proposes_none(off, monkeypatch):
 
 
 def test_a_study_without_a_term_is_without_it_alone(off):
-    study = SimpleNamespace(bonds=np.ones(3))
-    views = SimpleNamespace(floor=np.ones(2))
-    changed = {}
-    load = {"replace": lambda old, **new: changed.update(new) or SimpleNamespace(**{
-        **vars(old), **new})}
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(off, "replace", load["replace"])
-        assert not off.without_seams(study).bonds.any()
-        zero, one = off.unfloored(SimpleNamespace(views=(views, views))).views
-    assert zero.floor is one.floor is None
-    assert study.bonds.all()
-    assert views.floor.all()
+    made = {name: make_dataclass(name, fields) for name, fields in {
+        "Study": ("bonds", "lands", "light", "views"), "Views": ("floor",), "Land": ("shades",),
+        "Light": ("shades",)}.items()}
+    views, land, light = made["Views"](np.ones(2)), made["Land"](np.ones(8)), made["Light"](
+        np.ones(8))
+    study = made["Study"](np.ones(3), (land, land), light, (views, views))
+    seams, floor, even = off.without_seams(study), off.unfloored(study), off.evenly(study)
+    assert not seams.bonds.any()
+    assert seams.lands is study.lands
+    assert [v.floor for v in floor.views] == [None, None]
+    assert floor.bonds is study.bonds
+    assert not any(one.shades.any() for one in (even.light, *even.lands))
+    assert even.views is study.views
+    assert all(array.all() for array in (study.bonds, views.floor, light.shades, land.shades))
 
 
 def row(rule, name, **more):
