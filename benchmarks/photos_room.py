@@ -30,7 +30,7 @@ class Room:
     """An object of the kit in two states, in a room."""
 
     def __init__(self, xml: Path, frozen: dict[str, float],
-                 move: dict[str, tuple[float, float]], seed: int, texture: float = 1.0) -> None:
+                 move: dict[str, tuple[float, float]], seed: int, table: bool = True) -> None:
         """Read the model and lay out the room.
 
         Args:
@@ -38,7 +38,7 @@ class Room:
             frozen: joint -> value in both states.
             move: joint -> values in state 0 and 1.
             seed: of patterns and furniture.
-            texture: contrast of table and walls, 1 = newspapers and wallpaper, 0 = plain.
+            table: with the table and the printed sheet on it.
         """
         self.model = mujoco.MjModel.from_xml_path(str(xml))
         self.data = mujoco.MjData(self.model)
@@ -56,7 +56,7 @@ class Room:
         self.foot = np.array([*((low + high) / 2)[:2], low[2]])
         self.size = (high - low) / self.unit
         at = (0.12 + self.size[0] / 2 + SHEET_M[0] / DIAGONAL_M / 2, 0.0)
-        self.room = _room(np.random.default_rng(seed), texture) | _sheet(at)
+        self.room = _room(np.random.default_rng(seed), table) | (_sheet(at) if table else {})
         self.scenes = [self._scene(state) for state in (0, 1)]
 
     def shoot(self, state: int, world_from_camera: Array, lens: tuple[float, int, int],
@@ -168,8 +168,8 @@ def _bitmap(pixels: NDArray[np.uint8]) -> dict[str, Any]:
     return {"type": "bitmap", "bitmap": mi.Bitmap(pixels), "raw": False, "wrap_mode": "repeat"}
 
 
-def _room(rng: np.random.Generator, texture: float) -> dict[str, Any]:
-    """Return table, floor, walls, boxes and lights."""
+def _room(rng: np.random.Generator, table: bool) -> dict[str, Any]:
+    """Return floor, walls, boxes and lights, and a table unless it would hide what is seen."""
     T = mi.ScalarTransform4f
     out: dict[str, Any] = {}
 
@@ -178,14 +178,15 @@ def _room(rng: np.random.Generator, texture: float) -> dict[str, Any]:
         out[name] = {"type": "cube", "to_world": place,
                      "bsdf": {"type": "diffuse", "reflectance": _bitmap(pixels)}}
 
-    wood = _pattern(rng, (120, 84, 56), 0.25 * texture, stretch=12, sheets=0)
-    box("table", [0, 0, -0.04], [TABLE, TABLE, 0.04], 0, wood)
+    wood = _pattern(rng, (120, 84, 56), 0.25, stretch=12, sheets=0)
+    if table:
+        box("table", [0, 0, -0.04], [TABLE, TABLE, 0.04], 0, wood)
     box("floor", [0, 0, FLOOR - 0.1], [HALF_ROOM, HALF_ROOM, 0.1], 0,
-        _pattern(rng, (140, 130, 120), 0.35 * texture, stretch=3, sheets=0))
+        _pattern(rng, (140, 130, 120), 0.35, stretch=3, sheets=0))
     for n, (x, y) in enumerate(((1, 0), (-1, 0), (0, 1), (0, -1))):
         half = [0.1 if x else HALF_ROOM, 0.1 if y else HALF_ROOM, (CEILING - FLOOR) / 2]
         box(f"wall{n}", [x * HALF_ROOM, y * HALF_ROOM, (CEILING + FLOOR) / 2], half, 0,
-            _pattern(rng, (205, 200, 190), 0.12 * texture, stretch=1, sheets=int(14 * texture)))
+            _pattern(rng, (205, 200, 190), 0.12, stretch=1, sheets=14))
     box("ceiling", [0, 0, CEILING + 0.1], [HALF_ROOM, HALF_ROOM, 0.1], 0,
         np.full((8, 8, 3), 225, np.uint8))
     for n in range(14):
@@ -193,7 +194,7 @@ def _room(rng: np.random.Generator, texture: float) -> dict[str, Any]:
         half = rng.uniform([0.15, 0.15, 0.2], [0.5, 0.5, 1.0])
         at = [far * np.cos(np.deg2rad(angle)), far * np.sin(np.deg2rad(angle)), FLOOR + half[2]]
         box(f"box{n}", at, half, rng.uniform(0, 90),
-            _pattern(rng, tuple(rng.integers(60, 220, 3)), 0.3, stretch=2, sheets=int(4 * texture)))
+            _pattern(rng, tuple(rng.integers(60, 220, 3)), 0.3, stretch=2, sheets=4))
     for n, (x, y, power) in enumerate(((-1.5, 1.0, 9.0), (2.0, -1.2, 6.0))):
         out[f"lamp{n}"] = {
             "type": "rectangle", "emitter": {"type": "area", "radiance": {"type": "rgb",

@@ -26,7 +26,6 @@ OUT = RESULTS.parent / "robustness.json"
 DOC, FIGURE = ROOT / "docs/robustness.md", ROOT / "docs/robustness.png"
 WORK = ROOT / "runs/robustness"
 OBJECTS = ("libero_microwave", "sektion_cabinet")  # one joint; two doors and two drawers
-EDITOR = ROOT / "benchmarks/robustness_scene.py"
 HEAD = ("row", "value", "object", "moving parts found", "joint types right", "axis, deg",
         "position, % of diagonal", "turn, deg", "slide, units", "segmentation mIoU", "checks",
         "seconds", "commit")
@@ -40,14 +39,14 @@ class Case:
 
     Attributes:
         row: what is varied.  value: how much.
-        flags: of the kit.  edit: of `robustness_scene.py`, None = the scene as rendered.
+        flags: of the kit.  edit: script that spoils a copy, and its words; none = as rendered.
         build: words added to the build's command.
     """
 
     row: str
     value: float
     flags: tuple[str, ...] = ()
-    edit: str | None = None
+    edit: tuple[str, ...] = ()
     build: str = ""
 
 
@@ -56,8 +55,9 @@ CASES = (
     *(Case("views", n, ("--views", str(n))) for n in (12, 24, 48, 96)),
     *(Case("pose noise, deg", d, ("--pose-noise-deg", str(d))) for d in (0.25, 0.5, 1.0)),
     Case("shadows that move", 1, ("--light", "shadow")),
-    Case("masks wrong, 1 in", 20, edit="masks"),
-    Case("exposure of state 1", 1.3, edit="exposure"),
+    Case("path-traced room", 1, edit=("path_traced.py", "KIT")),
+    Case("masks wrong, 1 in", 20, edit=("robustness_scene.py", "masks")),
+    Case("exposure of state 1", 1.3, edit=("robustness_scene.py", "exposure")),
     *(Case("pixels", n, ("--size", str(n))) for n in (200, 800)),
     *(Case("seed", n, ("--seed", str(n))) for n in (1, 2)),
     Case("depth images", 1, ("--depth",)),
@@ -100,21 +100,22 @@ def run(args: argparse.Namespace, case: Case, name: str) -> dict[str, Any]:
         work = args.work / label
         work.mkdir(parents=True, exist_ok=True)
         one = argparse.Namespace(kit=args.kit, objects=[name], views=64, size=400, seed=0,
-                                 cmd=command(args.cmd, case, work))
+                                 cmd=command(args, case, work))
         row = run_kit(one, work, case.flags)["rows"][0]  # type: ignore[index]
         return summary_row(row) | {"commit": git("rev-parse", "--short", "HEAD")}
 
-    key = {"flags": list(case.flags), "edit": case.edit, "cmd": args.cmd + case.build}
+    key = {"flags": list(case.flags), "edit": list(case.edit), "cmd": args.cmd + case.build}
     row = kept(args.work / "rows" / f"{label}.json", key, make)
     return {"row": case.row, "value": case.value} | row
 
 
-def command(plain: str, case: Case, work: Path) -> str:
+def command(args: argparse.Namespace, case: Case, work: Path) -> str:
     """Return the kit's command, on a spoiled copy of the scene if the case asks for one."""
-    plain += case.build
-    if case.edit is None:
+    plain: str = args.cmd + case.build
+    if not case.edit:
         return plain
-    editor = shlex.join([sys.executable, str(EDITOR), case.edit])
+    words = [str(args.kit) if word == "KIT" else word for word in case.edit[1:]]
+    editor = shlex.join([sys.executable, str(ROOT / "benchmarks" / case.edit[0]), *words])
     copy = shlex.quote(str((work / "copy").resolve()))
     return f"{editor} {{scene}} {copy} {plain.replace('{scene}', 'COPY')}"
 
@@ -160,6 +161,9 @@ Lines: {", ".join(f"{name} {color}" for name, color in zip(names, COLORS, strict
   are found by the other masks, and their photos left out.
 - `exposure of state 1`: colours times 1.3, clipped.
 - `shadows that move`: lights cast shadows, which move with the parts.
+- `path-traced room`: the same cameras, drawn by Mitsuba in a lit room (`benchmarks/path_traced.py`):
+  soft shadows, light from part to part, gloss, a sensor's noise, JPEG. From plain photos of such a
+  room, cameras and masks included: [photos.md](photos.md).
 - `views`: below 20 photos per state a build refuses to start (exit 2).
 - `pose noise`: every camera is turned by a random angle of this size.
 - `depth images`: beside every photo, as the kit renders them; those rows ran alone, as those of

@@ -79,17 +79,15 @@ def web_of(graph: Graph, bonds: F32) -> Web:
 
 def build_graph(states: tuple[Surfels, Surfels]) -> Graph:
     """Return the normal-aware nearest-neighbour graph of both states, state 1 after state 0."""
-    ids, weights = [], []
-    offset = 0
+    ids, weights, offset = [], [], 0
     for s in states:
         count = min(NEIGHBORS + 1, len(s))
         distance, index = cKDTree(s.points).query(s.points, count)
         distance, index = distance[:, 1:], index[:, 1:]
         cosine = (s.normals[index] * s.normals[:, None]).sum(-1)
         reach = np.median(distance[:, -1]) + 1e-12
-        weights.append(
-            np.exp(-((distance / (1.5 * reach)) ** 2)) * (0.25 + 0.75 * np.clip(cosine, 0, 1))
-        )
+        near = np.exp(-((distance / (1.5 * reach)) ** 2))
+        weights.append(near * (0.25 + 0.75 * np.clip(cosine, 0, 1)))
         ids.append(index + offset)
         offset += len(s)
     # Half the memory of 64-bit numbers: a sweep waits for the neighbours' lines.
@@ -228,11 +226,13 @@ def bonds(states: tuple[Surfels, Surfels], graph: Graph, maps: tuple[DepthMaps, 
 
 
 def _unlined(lines: F32) -> F64:
-    """Return [N, k] 0..1 where photos show no line; what no photo shows is as lined as most."""
-    if np.isnan(lines).all():
-        return np.ones(lines.shape)
-    known = np.where(np.isnan(lines), np.nanmedian(lines), lines).astype(np.float64)
-    return np.exp(-(known**2) / (2 * np.nanmean(lines.astype(np.float64) ** 2) + 1e-12))
+    """Return [N, k] the share of all neighbours with as clear a line or a clearer one.
+
+    The scene itself tells what is clear; what no photo shows is as lined as most.
+    """
+    seen = np.sort(lines[~np.isnan(lines)])
+    known = np.where(np.isnan(lines), np.median(seen) if len(seen) else 0.0, lines)
+    return 1.0 - np.searchsorted(seen, known) / max(len(seen), 1)
 
 
 def _lines(own: Surfels, neighbors: NDArray[np.int32], maps: DepthMaps, photos: StateViews,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import cv2
 import numpy as np
@@ -57,18 +58,31 @@ def test_a_number_of_parts_is_given_to_the_build_alone(tmp_path) -> None:
     cases = [c for c in robustness.CASES if c.build]
     assert {c.row for c in cases} == {"parts given"}
     for case in cases:
-        text = robustness.command("part2gs-robot build {scene}", case, tmp_path)
+        text = robustness.command(asked("part2gs-robot build {scene}"), case, tmp_path)
         assert text == f"part2gs-robot build {{scene}} --parts {case.value:g}"
         assert not case.flags
 
 
 def test_the_command_runs_on_the_copy_and_its_exit_code_is_told(scene, tmp_path) -> None:
-    case = next(c for c in robustness.CASES if c.edit == "masks")
-    text = robustness.command("part2gs-robot build {scene} -o {out}", case, tmp_path)
+    case = next(c for c in robustness.CASES if c.edit[-1:] == ("masks",))
+    text = robustness.command(asked("part2gs-robot build {scene} -o {out}"), case, tmp_path)
     filled = text.format(scene="S", out="O").split()
     assert filled[-7:] == ["masks", "S", str(tmp_path / "copy"), "part2gs-robot", "build", "COPY",
                            "-o", "O"][-7:]
     assert robustness_scene.main(["masks", str(scene), str(tmp_path / "copy"), "false"]) == 1
+
+
+def test_a_room_is_drawn_from_the_model_in_the_kit(tmp_path) -> None:
+    case = next(c for c in robustness.CASES if c.edit[-1:] == ("KIT",))
+    words = robustness.command(asked("part2gs-robot build {scene}"), case, tmp_path).split()
+    assert Path(words[1]).name == "path_traced.py"
+    assert Path(words[1]).exists()
+    assert words[2:] == ["kit", "{scene}", str(tmp_path / "copy"), "part2gs-robot", "build", "COPY"]
+
+
+def asked(command: str) -> SimpleNamespace:
+    """Return the words of a command line that these tests need."""
+    return SimpleNamespace(cmd=command, kit=Path("kit"))
 
 
 def row(kind: str, value: float, angle: float | None, name: str = "a") -> dict:

@@ -37,7 +37,7 @@ def test_faces_hold_together_and_creases_and_gaps_do_not(slid):
     assert held.min() >= 0.0
     assert held.max() <= 1.0
     assert held[cosine < 0.5].max() == 0.0
-    assert held[cosine > 0.95].mean() > 0.4
+    assert held[cosine > 0.95].mean() > 0.3  # half of all have a clearer line than most
 
 
 def test_a_line_in_the_photos_is_a_seam(slid):
@@ -51,8 +51,23 @@ def test_a_line_in_the_photos_is_a_seam(slid):
     _, pair, before = bonds_of(slid, plain)
     _, _, after = bonds_of(slid, lined)
     n0 = len(pair[0])
-    changed = (after[:n0] < 0.9 * before[:n0]) & (before[:n0] > 0.1)
-    assert 0.01 < changed.mean() < 0.5
+    held = before[:n0] > 0.1
+    left = after[:n0][held] / before[:n0][held]
+    assert left.max() == 1.0  # what no photo shows lined holds as firmly as before
+    assert 0.05 < (left < 0.2).mean() < 0.5  # lined in most photos that see it
+
+
+def test_dim_photos_show_the_same_seams(slid):
+    """What is a line the scene itself tells: a third of the light leaves the seams where they are.
+
+    A third of 3 k is k: nothing is rounded.
+    """
+    states = tuple(s.state for s in slid.states)
+    bright = tuple(replace(s, images=s.images // 3 * 3) for s in states)
+    dim = tuple(replace(s, images=s.images // 3) for s in states)
+    _, _, there = bonds_of(slid, bright)
+    _, _, here = bonds_of(slid, dim)
+    assert np.abs(here - there).max() < 0.01
 
 
 @pytest.mark.parametrize("seed", range(6))
