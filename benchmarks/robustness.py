@@ -114,7 +114,7 @@ def command(args: argparse.Namespace, case: Case, work: Path) -> str:
     plain: str = args.cmd + case.build
     if not case.edit:
         return plain
-    words = [str(args.kit) if word == "KIT" else word for word in case.edit[1:]]
+    words = [str(args.kit.resolve()) if word == "KIT" else word for word in case.edit[1:]]
     editor = shlex.join([sys.executable, str(ROOT / "benchmarks" / case.edit[0]), *words])
     copy = shlex.quote(str((work / "copy").resolve()))
     return f"{editor} {{scene}} {copy} {plain.replace('{scene}', 'COPY')}"
@@ -161,9 +161,9 @@ Lines: {", ".join(f"{name} {color}" for name, color in zip(names, COLORS, strict
   are found by the other masks, and their photos left out.
 - `exposure of state 1`: colours times 1.3, clipped.
 - `shadows that move`: lights cast shadows, which move with the parts.
-- `path-traced room`: the same cameras, drawn by Mitsuba in a lit room (`benchmarks/path_traced.py`):
-  soft shadows, light from part to part, gloss, a sensor's noise, JPEG. From plain photos of such a
-  room, cameras and masks included: [photos.md](photos.md).
+- `path-traced room`: the same cameras, drawn by Mitsuba in a lit room
+  (`benchmarks/path_traced.py`): soft shadows, light from part to part, gloss, noise, JPEG. From
+  plain photos of such a room, cameras and masks found as well: [photos.md](photos.md).
 - `views`: below 20 photos per state a build refuses to start (exit 2).
 - `pose noise`: every camera is turned by a random angle of this size.
 - `depth images`: beside every photo, as the kit renders them; those rows ran alone, as those of

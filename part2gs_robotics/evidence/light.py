@@ -125,13 +125,14 @@ def unshaded(surfels: Surfels, shades: F64) -> Surfels:
     return replace(surfels, colors=surfels.colors / brightness(shades, surfels.normals)[:, None])
 
 
-def compared(colors: Floats) -> Floats:
+def compared(colors: Floats) -> F64:
     """Return colours [..., 3] whose differences in brightness count less than those in hue.
 
     What a part's normal tells of the light is not all: a drawer leaves the shadow of a top, a door
     turns from a window. Hue is paint's alone; a grey thing has nothing but its brightness.
     """
-    return colors - (1.0 - BRIGHT) * colors.mean(-1, keepdims=True)
+    grey = colors.mean(-1, keepdims=True)
+    return np.asarray(colors - (1.0 - BRIGHT) * grey, np.float64)
 
 
 def brightness(shades: F64, normals: F64) -> F64:
