@@ -18,7 +18,7 @@ from part2gs_robotics.evidence.study import Study
 from part2gs_robotics.evidence.surfaces import Evidence
 from part2gs_robotics.evidence.surfels import Surfels, at_home
 from part2gs_robotics.model import se3
-from part2gs_robotics.model.arrays import F64, Labels, Mask
+from part2gs_robotics.model.arrays import F64, Labels
 from part2gs_robotics.model.joint import Joint
 from part2gs_robotics.runtime.side_by_side import side_by_side
 from part2gs_robotics.search.refine import refine
@@ -152,26 +152,26 @@ class Judge:
         surfels = (energy_of(unary, study.graph, hard) + vanished(unary, hard)[0]) / len(hard)
         cut = study.bonds * (hard[:, None] != hard[study.graph.neighbors])
         shares = np.bincount(hard, minlength=len(found) + 1)[1:] / len(hard)
-        met = unary.target[np.arange(len(hard)), hard]
-        met = np.where((met >= 0) & (hard[met] == hard), met, -1)
-        body = bodies_of(hard, met, study.graph.neighbors, study.touching)
+        body = self._bodies(unary, hard)
         told = (price(shares) * np.where(found.parents, 2, 1)).sum()
         told += hung(hanging(hard, body), body)
         return Scores(surfels, 0.0, float(cut.sum(dtype=np.float64)) / len(hard),
-                      self.strange(motions, hard, met >= 0), float(told))
+                      self.strange(motions, hard), float(told))
 
-    def strange(self, motions: Sequence[Joint], hard: Labels, lands: Mask) -> float:
-        """Return what `Scores.strange` says of all motions together; lands: see `leans`."""
-        return float((self.leans(motions, hard, lands) + self.air(motions, hard)).sum())
+    def _bodies(self, unary: Unary, hard: Labels) -> Labels:
+        """Return [N] the body of its part that every moving surfel is in."""
+        met = unary.target[np.arange(len(hard)), hard]
+        met = np.where((met >= 0) & (hard[met] == hard), met, -1)
+        return bodies_of(hard, met, self.study.graph.neighbors, self.study.touching)
 
-    def leans(self, motions: Sequence[Joint], hard: Labels, lands: Mask) -> F64:
-        """Return [K] how surely every motion is one that no made thing's joint makes, 0..1.
+    def strange(self, motions: Sequence[Joint], hard: Labels) -> float:
+        """Return what `Scores.strange` says of all motions together."""
+        return float((self.leans(motions, hard) + self.air(motions, hard)).sum())
 
-        lands: [N] which surfels meet one of their own part: of what one state alone shows, a
-            drawer's dark inside, walls may be bent by as much as a motion is askew.
-        """
-        return np.array([max(askew(h, self._normals[lands & (hard == k + 1)]),
-                             crooked(h, self._square)) for k, h in enumerate(motions)])
+    def leans(self, motions: Sequence[Joint], hard: Labels) -> F64:
+        """Return [K] how surely every motion is one that no made thing's joint makes, 0..1."""
+        return np.array([max(askew(h, self._normals[hard == k + 1]), crooked(h, self._square))
+                         for k, h in enumerate(motions)])
 
     def air(self, motions: Sequence[Joint], hard: Labels) -> F64:
         """Return [K] 0..1, how far the line of every turn passes its part; 0 without any part."""

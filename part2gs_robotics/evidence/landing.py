@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from part2gs_robotics.evidence.depth_maps import MIN_VIEWS, DepthMaps, look_past
-from part2gs_robotics.evidence.light import brightness, compared
+from part2gs_robotics.evidence.light import brightness
 from part2gs_robotics.evidence.surfels import Surfels
 from part2gs_robotics.model import se3
 from part2gs_robotics.model.arrays import F64
@@ -45,8 +45,7 @@ class Landing:
         claimed: [M] float, 1 where the other state saw the surfel in its old place.
         reach: scene units.
         behind: [X, Y, Z, 4] float32 what photos show through a free voxel, see `look_past`.
-        shades: [8] of the light in those photos, see `light.Light`; colours of surfels lack it, and
-            those behind are as surfels' are, see `light.compared`.
+        shades: [8] of the light in those photos, see `light.Light`; colours of surfels lack it.
     """
 
     surfels: Surfels
@@ -88,7 +87,6 @@ def build_landing(surfels: Surfels, claimed: F64, maps: DepthMaps, box: tuple[F6
     axes = [lo[i] + (np.arange(shape[i]) + 0.5) * voxel for i in range(3)]
     centres = np.stack(np.meshgrid(*axes, indexing="ij"), -1).reshape(-1, 3)
     seen, behind = look_past(centres, maps, voxel)
-    behind[:, :3] = compared(behind[:, :3])
     free = (seen.free >= MIN_VIEWS) & (seen.free > seen.surface)
     index = np.full(len(centres), -1, np.int32)
     distance, found = cKDTree(surfels.points).query(centres, distance_upper_bound=reach, workers=-1)

@@ -18,8 +18,6 @@ from part2gs_robotics.evidence.surfels import Surfels
 from part2gs_robotics.model.arrays import F32, F64
 from part2gs_robotics.model.gaussians import Gaussians
 
-Floats = NDArray[np.floating]
-
 PAIRS = 20_000  # of surfels per state, before those of two hues or one direction go
 REACH = 0.1  # of the diagonal, between the two: near enough to be one paint, round a corner
 SAME_HUE = 0.04  # of the brightness, per channel: two paints differ by more, shades of one by less
@@ -32,7 +30,6 @@ RIDGE = 1e-4  # per pair: directions that no normal shows stay as bright as the 
 CAP = 0.3  # log: a pair that differs by more has two paints, and says nothing of the light
 EXPLAINS = 0.1  # of what pairs differ by: less is chance, and the light as good as even
 MOST = 3.0  # a face hardly gets brighter by a larger factor
-BRIGHT = 0.5  # of a difference in brightness: a door in a room's light turns half as dark
 
 
 @dataclass(frozen=True)
@@ -123,16 +120,6 @@ def unshaded(surfels: Surfels, shades: F64) -> Surfels:
         shades: [8] of the light.
     """
     return replace(surfels, colors=surfels.colors / brightness(shades, surfels.normals)[:, None])
-
-
-def compared(colors: Floats) -> F64:
-    """Return colours [..., 3] whose differences in brightness count less than those in hue.
-
-    What a part's normal tells of the light is not all: a drawer leaves the shadow of a top, a door
-    turns from a window. Hue is paint's alone; a grey thing has nothing but its brightness.
-    """
-    grey = colors.mean(-1, keepdims=True)
-    return np.asarray(colors - (1.0 - BRIGHT) * grey, np.float64)
 
 
 def brightness(shades: F64, normals: F64) -> F64:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
@@ -15,7 +15,7 @@ from part2gs_robotics.evidence.depth_maps import (
     observe,
     render_depth_maps,
 )
-from part2gs_robotics.evidence.light import compared, light_of, unshaded
+from part2gs_robotics.evidence.light import light_of, unshaded
 from part2gs_robotics.evidence.surfels import Surfels, fuse_surfels, sampling
 from part2gs_robotics.model.arrays import F64
 from part2gs_robotics.model.gaussians import Gaussians
@@ -56,7 +56,7 @@ class Surfaces:
 
     Attributes:
         maps: first-surface depth in every view.
-        surfels: in even light, their colours as they are compared.
+        surfels: in even light.
         shades: [8] of the light, see `light.Light`.
         claimed: per state, [M_s] 1 where the other state saw the surfel in its old place.
         evidence: surfels that the other state saw free.
@@ -92,8 +92,7 @@ def surfaces_of(scene: Scene, gaussians: tuple[Gaussians, Gaussians], size: floa
                             for s in (0, 1)])
     _require_surface(painted[0].points, painted[1].points)
     shades = light_of((painted[0], painted[1]))
-    even = [unshaded(s, shades) for s in painted]
-    zero, one = (replace(s, colors=compared(s.colors)) for s in even)
+    zero, one = (unshaded(s, shades) for s in painted)
     points = np.concatenate([zero.points, one.points])
     lo, hi = points.min(0), points.max(0)
     diag = float(np.linalg.norm(hi - lo))

@@ -24,8 +24,7 @@ class Surfels:
 
     Attributes:
         points: [N, 3] scene units.  normals: [N, 3] unit, towards the cameras.
-        colors: [N, 3] in [0, 1]; of a study as they are compared, see `light.compared`.
-        views: [N] number of views that agree on the point.
+        colors: [N, 3] in [0, 1].  views: [N] number of views that agree on the point.
     """
 
     points: F64

@@ -77,7 +77,8 @@ def test_a_room_is_drawn_from_the_model_in_the_kit(tmp_path) -> None:
     words = robustness.command(asked("part2gs-robot build {scene}"), case, tmp_path).split()
     assert Path(words[1]).name == "path_traced.py"
     assert Path(words[1]).exists()
-    assert words[2:] == [str(Path("kit").resolve()), "{scene}", str(tmp_path / "copy"), "part2gs-robot", "build", "COPY"]
+    assert words[2:] == [str(Path("kit").resolve()), "{scene}", str(tmp_path / "copy"),
+                         "part2gs-robot", "build", "COPY"]
 
 
 def asked(command: str) -> SimpleNamespace:

@@ -196,7 +196,7 @@ def test_what_slides_beside_a_door_does_not_turn_on_it_and_back(toy, monkeypatch
     slide = float(np.linalg.norm(way))
     drawer = Joint("prismatic", way / slide, line, slide)
     judge, _ = photographed(toy, drawer)
-    monkeypatch.setattr(judge, "leans", lambda motions, *_: np.array([0.5 * (not h.turns)
-                                                                      for h in motions]))
+    monkeypatch.setattr(judge, "leans", lambda motions, _: np.array([0.5 * (not h.turns)
+                                                                     for h in motions]))
     found = judge.judge(on_base([DOOR, drawer]))
     assert _rehung(judge, found) is found

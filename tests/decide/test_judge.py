@@ -59,14 +59,3 @@ def test_photos_choose_between_labels_that_surfels_can_hardly_tell(monkeypatch, 
     found = judged(monkeypatch, three, STUCK, lambda hard: 0.2 * (hard == CHEAPEST).all())
     np.testing.assert_array_equal(found.labels, STUCK)
     assert found.cost == pytest.approx(0.4)
-
-
-def test_walls_that_one_state_alone_shows_do_not_say_that_a_slide_is_askew():
-    """A drawer's dark inside, seen open only, may be fitted as a slope."""
-    judge = object.__new__(Judge)
-    box, slope = np.repeat(np.eye(3), 40, axis=0), np.full((120, 3), 1 / np.sqrt(3))
-    judge._normals, judge._square = np.concatenate([box, slope]), np.zeros((0, 3))
-    slides = [Joint("prismatic", np.array([1.0, 0, 0]), np.zeros(3), 0.1)]
-    hard, lands = np.ones(240, np.int64), np.arange(240) < 120
-    assert judge.leans(slides, hard, lands) == 0.0
-    assert judge.leans(slides, hard, ~lands) == 1.0
