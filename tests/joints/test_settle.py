@@ -89,7 +89,8 @@ def test_a_part_that_nothing_shows_does_not_spoil_the_others(judge, photos, true
     start = on_base(joints, labels_of(judge, true_joints[:1]))
     found = settle(judge, start, photos, ArticulateConfig())
     was = image_cost(judge, start, photos)  # of the true joint: it cannot get better
-    assert image_cost(judge, found, photos) <= 1.01 * was  # the wrong joint may hide a few surfels
+    assert image_cost(judge, found, photos) <= 1.02 * was  # the wrong joint may hide a few surfels
+    assert (found.labels == 2).mean() < 0.01
     assert miss(judge, found.motions[:1], true_joints[:1]) < 0.003
     assert all(np.isfinite(j.axis).all() and np.isfinite(j.value) for j in found.motions)
 
