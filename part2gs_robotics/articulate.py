@@ -40,7 +40,7 @@ from part2gs_robotics.model.motion import Motion
 from part2gs_robotics.model.scene import Scene
 from part2gs_robotics.model.small_views import both_small
 from part2gs_robotics.paper.pull import part_diagnostics, physical_steps
-from part2gs_robotics.search.pool import find_more, find_pool
+from part2gs_robotics.search.pool import find_more, find_pool, in_its_light
 
 logger = logging.getLogger(__name__)
 MIN_EVIDENCE = 0.004  # of all surfels: less is noise, nothing moved
@@ -90,6 +90,8 @@ def found_motions(both: Canonical, config: ArticulateConfig, progress: Progress 
     study = gather(both, search)
     moved = _require_moved(study, both.scene)
     clock.tick("evidence", 1)
+    study = in_its_light(study, np.random.default_rng(config.seed), moved, search)
+    logger.info(study.light.told())
     rng = np.random.default_rng(config.seed)
     pool = find_pool(study, rng, moved, search)
     clock.tick("search", 2)
@@ -120,7 +122,6 @@ def _require_moved(study: Study, scene: Scene) -> int:
     moved = len(study.evidence.vacated) + len(study.evidence.arrived)
     total = len(study.surfels[0]) + len(study.surfels[1])
     logger.info("evidence: %d of %d surfels left their place or are new in it", moved, total)
-    logger.info(study.light.told())
     logger.info("edges: %d straight ones in the photos, %d directions of parallel ones",
                 sum(map(len, study.segments)), len(study.straight.directions))
     if moved < MIN_EVIDENCE * total:
@@ -165,7 +166,8 @@ def settled_motion(scene: Scene, found: Found, config: ArticulateConfig,
     clock.tick("identity", 5, len(end))
     alone = tuple(replace(j, carrier=None) for j in end.motions)  # the parents say it from here on
     notes = (*notes, *_about_number(config.parts, len(end), found.short, saves))
-    return Motion(probs, alone, end.parents, diagnostics, notes, clock.seconds)
+    return Motion(probs, alone, end.parents, diagnostics, notes, clock.seconds,
+                  shades=tuple(map(float, study.light.shades)))
 
 
 def _with_bodies(judge: Judge, found: Candidate, config: ArticulateConfig,

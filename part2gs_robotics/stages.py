@@ -50,7 +50,8 @@ def save_motion(motion: Motion) -> Saved:
         "joints": [_joint_data(joint) for joint in motion.joints], "parents": list(motion.parents),
         "diagnostics": [_numbers(one) for one in motion.diagnostics], "notes": list(motion.notes),
         "seconds": _numbers(motion.seconds),
-        "unbuilt": [_joint_data(joint) for joint in motion.unbuilt]})
+        "unbuilt": [_joint_data(joint) for joint in motion.unbuilt],
+        "shades": list(motion.shades)})
 
 
 def load_motion(saved: Saved) -> Motion:
@@ -60,7 +61,8 @@ def load_motion(saved: Saved) -> Motion:
     return Motion((arrays["probs_0"], arrays["probs_1"]),
                   tuple(_joint(joint) for joint in data["joints"]), tuple(data["parents"]),
                   tuple(data["diagnostics"]), tuple(data["notes"]), data["seconds"],
-                  tuple(_joint(joint) for joint in data.get("unbuilt", ())))
+                  tuple(_joint(joint) for joint in data.get("unbuilt", ())),
+                  tuple(data["shades"]))
 
 
 def save_built(built: tuple[Motion, tuple[Part, ...]]) -> Saved:

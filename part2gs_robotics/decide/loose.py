@@ -38,6 +38,12 @@ def vanished(unary: Unary, hard: Labels) -> tuple[float, Labels]:
     lands = (met >= 0) & (hard[met] == hard)
     proof = np.bincount(hard, lands * np.maximum(costs[:, 0] - own, 0.0), labels)
     order = np.concatenate([[0], 1 + np.argsort(-proof[1:], kind="stable")])  # rest, best proven ..
+    proven = (proof > 0) | (np.arange(labels) == 0)
+    costs = np.where(proven, costs, np.inf)
+    for part in np.flatnonzero(~proven):  # nothing tells its surfels apart: one other has them all
+        own_ones = hard == part
+        least = costs[own_ones].sum(0).argmin()
+        costs[own_ones] = np.where(np.arange(labels) == least, costs[own_ones], np.inf)
     before = np.minimum.accumulate(costs[:, order], 1)[rows, np.maximum(np.argsort(order)[hard], 1)
                                                        - 1]
     gain = np.maximum(before - own, 0.0)

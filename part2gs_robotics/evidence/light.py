@@ -53,7 +53,7 @@ class Light:
     def told(self) -> str:
         """Return what was found of the light, for the log."""
         if self.even:
-            return "light: faces tell nothing of it, taken as even"
+            return "light: even, as far as faces and what turned tell"
         logs = np.concatenate(self._home)
         low, high = np.quantile(logs, (0.05, 0.95))
         return f"light: bright faces {np.exp(high - low):.2f} times as bright as dark ones"
@@ -112,14 +112,18 @@ def light_of(states: tuple[Surfels, Surfels]) -> F64:
     return shades if left[0] < (1 - EXPLAINS) * left[1] else np.zeros(len(shades))
 
 
-def unshaded(surfels: Surfels, shades: F64) -> Surfels:
+def unshaded(surfels: Surfels, shades: F64, lacking: F64 | None = None) -> Surfels:
     """Return the surfels with the colours they would have in even light.
 
     Args:
         surfels: of one state.
         shades: [8] of the light.
+        lacking: [8] of the light that the colours lack already; None = as photographed.
     """
-    return replace(surfels, colors=surfels.colors / brightness(shades, surfels.normals)[:, None])
+    factor = brightness(shades, surfels.normals)
+    if lacking is not None:
+        factor /= brightness(lacking, surfels.normals)
+    return replace(surfels, colors=surfels.colors / factor[:, None])
 
 
 def brightness(shades: F64, normals: F64) -> F64:

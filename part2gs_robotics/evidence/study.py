@@ -27,7 +27,7 @@ from part2gs_robotics.evidence.graph import (
 )
 from part2gs_robotics.evidence.guides import Guides, guides_of
 from part2gs_robotics.evidence.landing import Landing, build_landing
-from part2gs_robotics.evidence.light import Light
+from part2gs_robotics.evidence.light import Light, unshaded
 from part2gs_robotics.evidence.part_edges import Clues, part_edges
 from part2gs_robotics.evidence.segments import Segments, segments_of
 from part2gs_robotics.evidence.surfaces import Evidence
@@ -109,7 +109,20 @@ class Study:
 
     def looking_at(self, evidence: Evidence) -> Study:
         """Return the study with other evidence; what was gathered once is not gathered again."""
-        new = replace(self, evidence=evidence)
+        return self._keeping(replace(self, evidence=evidence))
+
+    def under(self, shades: F64) -> Study:
+        """Return the study in another light [8], taken out of all colours in place of the old."""
+        def lit(surfels: Surfels) -> Surfels:
+            return unshaded(surfels, shades, self.light.shades)
+
+        zero, one = (replace(land, surfels=lit(land.surfels), shades=shades) for land in self.lands)
+        return self._keeping(replace(
+            self, surfels=(zero.surfels, one.surfels), lands=(zero, one),
+            evidence=Evidence(*map(lit, self.evidence.sets)),
+            light=replace(self.light, shades=shades)))
+
+    def _keeping(self, new: Study) -> Study:
         known = ("straight", "guides", "ways", "web", "touching")
         vars(new).update({name: vars(self)[name] for name in known if name in vars(self)})
         return new

@@ -183,7 +183,7 @@ def _errors(both: Canonical, motion: Motion, state: int, moves: list[F64]) -> F6
     own, maps = seen.surfels[state], seen.maps[state]
     near = cKDTree(seen.surfels[other].points).query(both.gaussians[other].means)[1]
     normals = seen.surfels[other].normals[near]
-    light = Light(seen.shades, (normals, normals))
+    light = Light(np.array(motion.shades), (normals, normals))
     there = _there(other, moves)
     splats, facing = shown(other, both.seen[other], motion.labels(other), there, light)
     views = small_views(both.scene.states[state], VIEWS, SIDE)

@@ -25,6 +25,7 @@ class Motion:
         notes: decisions worth reporting.
         unbuilt: joints of parts that were decided on, but of which nothing could be built; `failed`
             says why, in the same order.
+        shades: [8] of the light that it was found in, see `evidence.light.Light`; all 0 = even.
     """
 
     part_probs: tuple[NDArray[np.float32], NDArray[np.float32]]
@@ -34,6 +35,7 @@ class Motion:
     notes: tuple[str, ...] = ()
     seconds: dict[str, float] = field(default_factory=dict)
     unbuilt: tuple[Joint, ...] = ()
+    shades: tuple[float, ...] = (0.0,) * 8
 
     @property
     def failed(self) -> tuple[str, ...]:

@@ -12,7 +12,7 @@ from part2gs_robotics.evidence.study import Study
 from part2gs_robotics.evidence.surfaces import Evidence
 from part2gs_robotics.model.joint import Joint
 from part2gs_robotics.search.bodies import propose_bodies
-from part2gs_robotics.search.cover import choose, propose
+from part2gs_robotics.search.cover import choose, propose, saved_matrix
 from part2gs_robotics.search.snap import distinct, slide_families, snapped
 
 logger = logging.getLogger(__name__)
@@ -22,7 +22,7 @@ POOL_PRICE = 0.004  # of the evidence: what a hypothesis must explain to enter t
 POOL_TOP = 12  # hypotheses that are also tried on the object's own directions
 
 
-LEFT = 3  # times fewer patches where a set of motions has explained most
+LEFT = 3  # times fewer patches where a set of motions has explained most, and to choose a light
 
 
 def find_more(study: Study, left: Evidence, rng: np.random.Generator, search: SearchConfig,
@@ -43,6 +43,31 @@ def find_more(study: Study, left: Evidence, rng: np.random.Generator, search: Se
         return []
     small = propose_bodies(seen, rng, search.patch_points)
     return distinct([*find_pool(seen, rng, count, few), *small], study)
+
+
+def in_its_light(study: Study, rng: np.random.Generator, moved: int, search: SearchConfig,
+                 ) -> Study:
+    """Return the study, in even light where first motions explain more of what moved in it.
+
+    Doors painted white on a grey cabinet look like light from the front. What turned tells: its
+    paint stays the same.
+
+    Args:
+        study: in the light that neighbouring faces tell of.
+        rng: picks patches.
+        moved: surfels that left their place or are new in theirs.
+        search: how closely to look.
+    """
+    if study.light.even:
+        return study
+    even = study.under(np.zeros_like(study.light.shades))
+    few = find_pool(even, rng, moved, replace(search, patches=max(search.patches // LEFT, 1)))
+
+    def explained(seen: Study) -> float:
+        saved = saved_matrix(few, seen.evidence, seen.lands, seen.diag)
+        return float(saved.max(0, initial=0.0).sum())
+
+    return study if explained(study) > explained(even) else even
 
 
 def find_pool(

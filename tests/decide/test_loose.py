@@ -127,6 +127,32 @@ def test_photos_see_what_a_part_hides_as_the_best_other_label_has_it():
     np.testing.assert_array_equal(seen, 1)
 
 
+def test_a_motion_that_nothing_has_proves_nothing():
+    """40 surfels hidden by motion 2; motion 1 would hide them as well, and nothing moves by it."""
+    count = 40
+    match, target = np.zeros((count, 3)), np.full((count, 3), -1)
+    miss = np.tile([FREE_COST, NEUTRAL_COST, NEUTRAL_COST], (count, 1))
+    found, seen = vanished(Unary(match, target, miss), np.full(count, 2))
+    assert found == pytest.approx(count * (FREE_COST - NEUTRAL_COST))
+    np.testing.assert_array_equal(seen, 0)
+
+
+def test_what_lands_nothing_is_seen_as_one_other():
+    """Rest and motion 1 are each better for a half of what motion 2 hides, motion 1 a little."""
+    gone, lands = 40, 20
+    hard = np.repeat([2, 1], [gone, 2 * lands])
+    match, target = np.zeros((len(hard), 3)), np.full((len(hard), 3), -1)
+    miss = np.tile([FREE_COST, FREE_COST, NEUTRAL_COST], (len(hard), 1))
+    half = np.arange(gone) < gone // 2
+    miss[:gone, 0] = np.where(half, 0.4, 0.9)
+    miss[:gone, 1] = np.where(half, 0.8, 0.4)
+    here = gone + np.arange(lands)
+    target[here, 1], target[here + lands, 1] = here + lands, here
+    found, seen = vanished(Unary(match, target, miss), hard)
+    assert found == pytest.approx(gone * (0.6 - NEUTRAL_COST)), "0.35 where each half has its own"
+    np.testing.assert_array_equal(seen, 1)
+
+
 def test_nothing_vanishes_where_nothing_moves():
     unary = Unary(np.zeros((5, 1)), np.full((5, 1), -1), np.full((5, 1), FREE_COST))
     still = np.zeros(5, np.int64)
