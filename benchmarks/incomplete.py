@@ -113,7 +113,7 @@ def without(motion: Motion, part: int) -> Motion:
 def labelled_anew(case: Known, motion: Motion, parts: Sequence[int]) -> Iterator[Motion]:
     """Yield motions without one of some parts, as a decision without it labels both states."""
     config = ArticulateConfig()
-    judge = Judge(gather(case.both))
+    judge = Judge(gather(case.both).under(np.array(motion.shades)))
     start = replace(on_base(motion.joints), parents=motion.parents)
     start = start.with_motions(motion.joints)
     for part in parts:
@@ -123,7 +123,7 @@ def labelled_anew(case: Known, motion: Motion, parts: Sequence[int]) -> Iterator
             end = replace(end, labels=hard)
             probs = part_probs(judge.study, end, costs, config)
             alone = tuple(replace(j, carrier=None) for j in end.motions)
-            yield Motion(probs, alone, end.parents)
+            yield Motion(probs, alone, end.parents, shades=motion.shades)
 
 
 def markdown(rows: list[dict[str, Any]]) -> str:

@@ -91,8 +91,8 @@ class Start:
 
 def decided(case: Known, rules: list[Rule]) -> Iterator[dict[str, Any]]:
     """Yield a row of the decision without each rule."""
-    study = gather(case.both, SearchConfig())
-    start = searched(study)
+    start = searched(gather(case.both, SearchConfig()))
+    study = start.study
     judge = Judge(study)  # of the whole cost, whatever decided
     for rule in rules:
         began = time.process_time()
@@ -118,8 +118,9 @@ def settled(case: Known, rules: list[Rule]) -> Iterator[dict[str, Any]]:
 
 def searched(study: Study) -> Start:
     """Return what the product's search finds."""
-    rng = np.random.default_rng(ArticulateConfig().seed)
-    moved = len(study.evidence.vacated) + len(study.evidence.arrived)
+    seed, moved = ArticulateConfig().seed, sum(map(len, study.evidence.sets))
+    study = searching.in_its_light(study, np.random.default_rng(seed), moved, SearchConfig())
+    rng = np.random.default_rng(seed)
     return Start(study, searching.find_pool(study, rng, moved, SearchConfig()), rng)
 
 

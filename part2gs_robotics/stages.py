@@ -62,7 +62,7 @@ def load_motion(saved: Saved) -> Motion:
                   tuple(_joint(joint) for joint in data["joints"]), tuple(data["parents"]),
                   tuple(data["diagnostics"]), tuple(data["notes"]), data["seconds"],
                   tuple(_joint(joint) for joint in data.get("unbuilt", ())),
-                  tuple(data["shades"]))
+                  tuple(data.get("shades", Motion.shades)))
 
 
 def save_built(built: tuple[Motion, tuple[Part, ...]]) -> Saved:

@@ -7,7 +7,7 @@ import signal
 import subprocess
 import sys
 import time
-from dataclasses import fields
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -85,7 +85,7 @@ def test_fit_survives_the_store(tmp_path: Path, gains: F64 | None) -> None:
 
 
 def test_motion_survives_the_store(tmp_path: Path) -> None:
-    moved = motion(2, ("a note",))
+    moved = replace(motion(2, ("a note",)), shades=(0.5, *[0.25] * 7))
     assert equal(load_motion(through_disk(save_motion(moved), tmp_path)), moved)
 
 
