@@ -47,10 +47,10 @@ def find_more(study: Study, left: Evidence, rng: np.random.Generator, search: Se
 
 def in_its_light(study: Study, rng: np.random.Generator, moved: int, search: SearchConfig,
                  ) -> Study:
-    """Return the study, in even light where first motions explain more of what moved in it.
+    """Return the study, in even light where first motions explain clearly more of what moved in it.
 
     Doors painted white on a grey cabinet look like light from the front. What turned tells: its
-    paint stays the same.
+    paint stays the same. Clearly: by as much as one motion must explain.
 
     Args:
         study: in the light that neighbouring faces tell of.
@@ -67,7 +67,7 @@ def in_its_light(study: Study, rng: np.random.Generator, moved: int, search: Sea
         saved = saved_matrix(few, seen.evidence, seen.lands, seen.diag)
         return float(saved.max(0, initial=0.0).sum())
 
-    return study if explained(study) > explained(even) else even
+    return even if explained(even) - explained(study) > POOL_PRICE * moved else study
 
 
 def find_pool(
