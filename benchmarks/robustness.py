@@ -160,7 +160,8 @@ Lines: {", ".join(f"{name} {color}" for name, color in zip(names, COLORS, strict
 - `masks wrong, 1 in 20`: every twentieth mask is shifted by 15 % of the image's width. All of them
   are found by the other masks, and their photos left out.
 - `exposure of state 1`: colours times 1.3, clipped.
-- `shadows that move`: lights cast shadows, which move with the parts.
+- `shadows that move`: lights cast shadows, which move with the parts. The sektion cabinet's
+  upper drawer turns in that twin: its walls were fitted as slopes, along which no drawer slides.
 - `path-traced room`: the same cameras, drawn by Mitsuba in a lit room
   (`benchmarks/path_traced.py`): soft shadows, light from part to part, gloss, noise, JPEG. From
   plain photos of such a room, cameras and masks found as well: [photos.md](photos.md). The sektion
