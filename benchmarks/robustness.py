@@ -165,8 +165,8 @@ Lines: {", ".join(f"{name} {color}" for name, color in zip(names, COLORS, strict
 - `path-traced room`: the same cameras, drawn by Mitsuba in a lit room
   (`benchmarks/path_traced.py`): soft shadows, light from part to part, gloss, noise, JPEG. From
   plain photos of such a room, cameras and masks found as well: [photos.md](photos.md). The sektion
-  cabinet's joints are right there and its doors' meshes are torn: walls in its dark inside are
-  fitted wrongly, go with the doors that hid them, and no check speaks against it.
+  cabinet's joints are right there and its doors' meshes are torn: surfaces that
+  the fit hangs into the air before its dark inside go with the doors, and no check says so.
 - `views`: below 20 photos per state a build refuses to start (exit 2).
 - `pose noise`: every camera is turned by a random angle of this size.
 - `depth images`: beside every photo, as the kit renders them; those rows ran alone, as those of

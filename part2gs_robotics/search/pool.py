@@ -49,8 +49,8 @@ def in_its_light(study: Study, rng: np.random.Generator, moved: int, search: Sea
                  ) -> Study:
     """Return the study, in even light where first motions explain clearly more of what moved in it.
 
-    Doors painted white on a grey cabinet look like light from the front. What turned tells: its
-    paint stays the same. Clearly: by as much as one motion must explain.
+    Dark doors on a light cabinet look like a front in the shade. What turned tells: its paint
+    stays the same. Clearly: by as much as one motion must explain.
 
     Args:
         study: in the light that neighbouring faces tell of.
