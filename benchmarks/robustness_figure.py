@@ -13,7 +13,7 @@ CLEAN = ("views", 64.0)  # the row every other one differs from in one thing
 PLACE = {"pose noise, deg": 0.0, "pixels": 400.0, "seed": 0.0, "exposure of state 1": 1.0,
          "shadows that move": 0.0}  # where the clean scene lies on each axis
 METRICS = (("angle_deg", "axis error, deg"), ("miou", "segmentation mIoU"))
-COLORS = (OURS, PLAIN, (60, 150, 40), (130, 60, 160))
+COLORS = (OURS, PLAIN, (60, 150, 40), (130, 60, 160), (120, 120, 120))
 
 
 def draw(rows: list[dict[str, Any]], path: Path) -> None:

@@ -127,7 +127,7 @@ def searched(study: Study) -> Start:
 def found_of(judge: Judge, start: Start) -> Found:
     """Return what is decided on, as the product decides; dice are thrown alike every time."""
     rng, search = deepcopy(start.rng), SearchConfig()
-    candidate, short = decide(judge, start.pool, None, search.swap,
+    candidate, short = decide(judge, start.pool, None,
                               lambda left: searching.find_more(judge.study, left, rng, search))
     return Found(judge, candidate, start.pool, short, Clock(None))
 

@@ -106,17 +106,11 @@ DECIDED = (
     Rule("renewed", "labels from a second start", ((judge.Judge, "renewed", same),)),
     Rule("polished", "joints refined on their own surfels", ((judge.Judge, "polished", same),)),
     Rule("thinned", "parts that do not pay leave",
-         ((grow, "thinned", same), (grow, "least", same))),
-    Rule("least", "parts leave when polished", ((grow, "least", same),)),
+         ((grow, "thinned", same),)),
     Rule("swapped", "another in the place of one",
          ((grow, "_swapped", lambda judge, best, pool: best),)),
     Rule("halved", "two parallel ones in the place of one", ((grow, "halved", none),)),
-    Rule("in_pieces", "one for each piece of a part", ((grow, "in_pieces", none),)),
-    Rule("tune", "slides tuned together", ((grow, "tune", same),)),
-    Rule("finished", "slides tuned where that may decide", ((grow, "_finished", same),)),
     Rule("calmed", "less of what looks alike after half a turn", ((grow, "calmed", same),)),
-    Rule("lessened", "a lesser motion that saves nearly as much", ((grow, "lessened", same),)),
-    Rule("righted", "turns in the air the other way round", ((grow, "righted", same),)),
     Rule("risen", "screws", ((grow, "risen", same),)),
     Rule("more", "a second search in what is left", ((pool, "find_more", none),)),
     Rule("bodies", "bodies that are left, whole", ((pool, "propose_bodies", none),)),
@@ -126,11 +120,6 @@ DECIDED = (
     Rule("coarse", "refinement from coarse to fine",
          ((studies, "COARSE_TO_FINE", (1.0, 1.0, 1.0)),), searches=True),
 )  # fmt: skip
-
-# What changed nothing on the first eleven objects, all at once: whether one stands in for another.
-IDLE = "hides", "crooked", "least", "swapped", "in_pieces", "tune", "calmed", "lessened", "righted"
-DECIDED += (Rule("idle", f"all of: {', '.join(IDLE)}",
-                 tuple(c for r in DECIDED if r.name in IDLE for c in r.changes)),)
 
 # From decided motions to joints and labels.
 SETTLED = (

@@ -96,7 +96,7 @@ def found_motions(both: Canonical, config: ArticulateConfig, progress: Progress 
     pool = find_pool(study, rng, moved, search)
     clock.tick("search", 2)
     judge = Judge(study)
-    candidate, short = decide(judge, pool, config.parts, search.swap,
+    candidate, short = decide(judge, pool, config.parts,
                               lambda left: find_more(study, left, rng, search))
     _require_parts(candidate, both.scene)
     clock.tick("decision", 3, len(candidate))

@@ -101,8 +101,6 @@ class SearchConfig:
     """pieces of moved surface whose motion is searched"""
     patch_points: int = 80
     """points of each that rank 100,000 motions"""
-    swap: bool = True
-    """after each part found, try every other motion in place of the earlier ones"""
     proof_views: int = 12
     """photos per state that judge how many parts move"""
     proof_side: int = 256

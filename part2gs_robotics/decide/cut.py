@@ -64,13 +64,17 @@ def _cut(net: Net, ends: Ints, taken: Mask) -> None:
 
 @inlined
 def _planted(ends: Ints, trees: Trees, line: Line) -> None:
-    """Make every node beside source or sink a root, and let it grow."""
+    """Make every node beside source or sink a root, and let those of the sink grow.
+
+    The sink's tree alone finds every path: most nodes are beside the source, and far from any cut.
+    """
     tree, parent, stamp, steps = trees
     for i in range(len(ends)):
         if ends[i]:
             tree[i] = SOURCE if ends[i] > 0 else SINK
             parent[i], stamp[i], steps[i] = ROOT, 1, 1
-            _waits(i, line)
+            if ends[i] < 0:
+                _waits(i, line)
 
 
 @inlined

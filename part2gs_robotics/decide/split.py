@@ -14,19 +14,14 @@ import numpy as np
 
 from part2gs_robotics.decide.candidate import Candidate
 from part2gs_robotics.decide.judge import Judge
-from part2gs_robotics.evidence.surfels import FLOATER, Surfels, apart, at_home
 from part2gs_robotics.model.joint import Joint
-from part2gs_robotics.search.bodies import GAP, connected
-from part2gs_robotics.search.refine import misfit, refine
 
 logger = logging.getLogger(__name__)
 PARALLEL = np.deg2rad(12.0)  # rad; drawers side by side run parallel
 MOST_PAIRS = 20  # of each kind tried in the place of each motion; a set takes about 30 ms
-NEAR = 0.005  # of the diagonal: two motions that carry a piece nearer than that are one
-PIECE = 0.15  # of a part's surfels: less is a handle or a patch gone astray
+NEAR = 0.005  # of the diagonal: two slides that differ by less are one
 ROUNDS = 3  # of tuning; the third seldom changes anything
 STEPS = (-0.02, -0.01, -0.005, 0.0, 0.005, 0.01, 0.02)  # of the diagonal, of tuned lengths
-PIECE_STEPS = (-0.04, -0.02, 0.0, 0.02, 0.04)  # of the diagonal: refinement reaches half a step
 
 
 def halved(judge: Judge, found: Candidate, pool: Sequence[Joint]) -> list[Candidate]:
@@ -43,36 +38,8 @@ def halved(judge: Judge, found: Candidate, pool: Sequence[Joint]) -> list[Candid
     far = NEAR * judge.study.diag
     pairs = [pair for turning in (False, True)
              for pair in _parallel(pool, turning, far)[:MOST_PAIRS]]
-    return [_in_place(found, k, pair) for k, h in enumerate(found.motions) for pair in pairs
-            if pair[0].kind == h.kind and found.free(k)]
-
-
-def in_pieces(judge: Judge, found: Candidate) -> list[Candidate]:
-    """Return sets with one motion replaced by one of each of two of its pieces, not judged yet.
-
-    Drawers in far corners that are pulled out by nearly as much look like one body in two pieces.
-    """
-    study, sets = judge.study, []
-    for k, h in enumerate(found.motions):
-        bodies = pieces(h, study.own(found.labels, k + 1), study.diag, FLOATER)
-        if len(bodies) > 1 and found.free(k):
-            own = [_own(judge, h, piece) for piece in bodies[:2]]
-            if apart(own[0], own[1], bodies[1]) > NEAR * study.diag:
-                sets.append(_in_place(found, k, (own[0], own[1])))
-    return sets
-
-
-def _in_place(found: Candidate, k: int, pair: tuple[Joint, Joint]) -> Candidate:
-    """Return the candidate, not judged yet, with two motions in the place of k."""
-    return found.swapped(k, pair[0]).plus(pair[1])
-
-
-def _own(judge: Judge, h: Joint, piece: tuple[Surfels, Surfels]) -> Joint:
-    """Return the motion near h, a slide also shorter or longer, that lands a piece best."""
-    study = judge.study
-    tries = [refine(replace(h, value=h.value + step * study.diag), piece, judge.lands, study.taus)
-             for step in ((0.0,) if h.turns else PIECE_STEPS)]
-    return min(tries, key=lambda g: misfit(g, piece, judge.lands, study.tau))
+    return [found.swapped(k, one).plus(two) for k, h in enumerate(found.motions)
+            for one, two in pairs if one.kind == h.kind and found.free(k)]
 
 
 def _parallel(pool: Sequence[Joint], turning: bool, far: float) -> list[tuple[Joint, Joint]]:
@@ -81,30 +48,6 @@ def _parallel(pool: Sequence[Joint], turning: bool, far: float) -> list[tuple[Jo
     return [(a, b) for a, b in combinations([h for h in pool if h.kind == kind], 2)
             if abs(a.axis @ b.axis) > np.cos(PARALLEL)
             and (turning or np.linalg.norm(a.axis * a.value - b.axis * b.value) > far)]
-
-
-def pieces(h: Joint, own: tuple[Surfels, Surfels], diag: float, least: int,
-           ) -> list[tuple[Surfels, Surfels]]:
-    """Return the surfels of every piece of a part, the largest first.
-
-    Args:
-        h: motion of the part.
-        own: its surfels of both states.
-        diag: of the object, scene units.
-        least: surfels in either state that make a piece.
-    """
-    points = at_home(h, own)
-    if not len(points):
-        return []
-    piece, sizes = connected(points, GAP * diag)
-    found = []
-    for n in np.argsort(-sizes, kind="stable"):
-        if sizes[n] < PIECE * len(points):
-            break
-        zero, one = (np.flatnonzero(part == n) for part in np.split(piece, [len(own[0])]))
-        if min(len(zero), len(one)) >= least:
-            found.append((own[0].select(zero), own[1].select(one)))
-    return found
 
 
 def tune(judge: Judge, found: Candidate) -> Candidate:

@@ -1,12 +1,8 @@
 """Alternatives to a turn: the other way round, a lesser turn, or a slide.
 
 A panel turned about its hinge, and turned half a turn further or less about a line in the air,
-ends in one place with its ends exchanged. A search ranks motions of small patches, and where
-shadows move the wrong one may be all it keeps. Once parts are known both compete before the images.
-A part that looks the same after half a turn leaves the images no choice: then the lesser turn is
-the likelier. So it is of two motions that save nearly as much: of look-alike drawers the slide of
-one hides most of what the other leaves, and a large turn about a line elsewhere may happen to hide
-the rest as well as the other's own slide does.
+ends in one place with its ends exchanged. A part that looks the same after half a turn leaves the
+images no choice: then the lesser turn is the likelier.
 """
 
 from __future__ import annotations
@@ -17,7 +13,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from part2gs_robotics.decide.candidate import Candidate
-from part2gs_robotics.decide.judge import NEAR, Judge, arm_of
+from part2gs_robotics.decide.judge import Judge
 from part2gs_robotics.evidence.surfels import Surfels, at_home
 from part2gs_robotics.model import se3
 from part2gs_robotics.model.arrays import F64
@@ -33,31 +29,6 @@ HALF_WAY = np.deg2rad(90.0)  # a lesser turn has no other way round that turns l
 LESSER = 0.5  # of a turn: what turns nearly as far is no likelier
 CENTRAL = 1.4  # radii of gyration from the part's middle: a board's edge is 1.73 away
 ALIKE = 0.02  # of the cost: the lesser of two motions that look the same cost 1.1 % more
-LARGE = np.deg2rad(45.0)  # a lesser turn is no odder than a slide
-NEARLY = 0.8  # of what a turn saves: true slides 0.92, lesser ones for 30 true turns 0.57 at most
-RAW = 0.5  # likewise, before it is polished: a true slide 0.8; what saves less is not polished
-
-
-def righted(judge: Judge, found: Candidate) -> Candidate:
-    """Return the candidate with turns in the air put right, where that costs less.
-
-    A hinge goes through its part or lies beside it.
-    """
-    best = found
-    for k, h in enumerate(found.motions):
-        own, near = judge.study.own(best.labels, k + 1), NEAR * judge.study.diag
-        if not h.turns or h.carrier is not None or arm_of(h, own) < near:
-            continue
-        for guess in _flips(h, own, judge.study.diag):
-            new = refine(guess, own, judge.lands, judge.study.taus)
-            if not new.turns or arm_of(new, own) > near:
-                continue
-            trial = judge.judge(best.swapped(k, new))
-            if trial.cost < best.cost:
-                logger.info("decide: part %d the other way round: cost %.4f, %.4f less", k + 1,
-                            trial.cost, best.cost - trial.cost)
-                best = trial
-    return best
 
 
 def calmed(judge: Judge, found: Candidate, pool: Sequence[Joint]) -> Candidate:
@@ -86,36 +57,6 @@ def calmed(judge: Judge, found: Candidate, pool: Sequence[Joint]) -> Candidate:
         if trial.cost < (1 + ALIKE) * best.cost:
             logger.info("decide: part %d looks alike after half a turn: it moves less; cost %.4f, "
                         "was %.4f", k + 1, trial.cost, best.cost)
-            best = trial
-    return best
-
-
-def lessened(judge: Judge, found: Candidate, pool: Sequence[Joint]) -> Candidate:
-    """Return the candidate with large turns made less where that saves nearly as much.
-
-    Args:
-        judge: of the study.
-        found: decided.
-        pool: motions that may have the place of a turn.
-    """
-    best = found
-    for k, h in enumerate(found.motions):
-        if h.kind != "revolute" or h.carrier is not None or abs(h.value) < LARGE:
-            continue
-        own, near = judge.study.own(best.labels, k + 1), NEAR * judge.study.diag
-        # The line of a turn that is a hinge goes through its part or lies beside it.
-        less = [new for new in lesser(h, pool) if not new.turns or arm_of(new, own) < near]
-        if not less:
-            continue
-        trial = judge.best_of([best.swapped(k, new) for new in less])
-        rest = judge.judge(best.without(k))
-        saved = rest.cost - best.cost
-        if rest.cost - trial.cost <= RAW * saved:
-            continue
-        trial = judge.polished(trial)
-        if rest.cost - trial.cost > NEARLY * saved > 0.0:
-            logger.info("decide: part %d may as well move less: cost %.4f, was %.4f, without it "
-                        "%.4f", k + 1, trial.cost, best.cost, rest.cost)
             best = trial
     return best
 

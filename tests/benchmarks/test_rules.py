@@ -72,8 +72,6 @@ def test_the_search_without_moves_that_split_proposes_none(off, monkeypatch):
     """The names that `grow` calls its steps by are those that are switched off."""
     asked = []
     monkeypatch.setattr(grow, "_one_more", lambda judge, best, pool: best)
-    monkeypatch.setattr(grow, "_finished", lambda judge, new, best: new)
-    monkeypatch.setattr(grow, "least", lambda judge, best: best)
     monkeypatch.setattr(grow, "thinned", lambda judge, best: best)
     monkeypatch.setattr(grow, "calmed", lambda judge, new, pool: new)
     monkeypatch.setattr(grow, "_swapped", lambda judge, best, pool: best)
@@ -82,10 +80,9 @@ def test_the_search_without_moves_that_split_proposes_none(off, monkeypatch):
     judge = SimpleNamespace(polished=lambda c: c, best_of=lambda sets, few: asked.append(sets)
                             or cheaper)
     monkeypatch.setattr(grow, "halved", lambda judge, best, pool: [best])
-    monkeypatch.setattr(grow, "in_pieces", lambda judge, best: [])
-    assert grow._cheaper(judge, best, [], True)[1] is cheaper
+    assert grow._cheaper(judge, best, [])[1] is cheaper
     with off.off(next(r for r in off.DECIDED if r.name == "halved")):
-        assert grow._cheaper(judge, best, [], True)[1] is best
+        assert grow._cheaper(judge, best, [])[1] is best
     assert len(asked) == 1
 
 
@@ -113,10 +110,10 @@ def row(rule, name, **more):
 
 def test_the_table_counts_what_a_rule_is_worth(load):
     rules = load("rules")
-    rows = [row("", "a"), row("", "b"), row("tune", "a", seconds=5.0),
-            row("tune", "b", right=1, found=3, miou=0.5, axis=7.0, cost=-4.0, seconds=5.0)]
+    rows = [row("", "a"), row("", "b"), row("renewed", "a", seconds=5.0),
+            row("renewed", "b", right=1, found=3, miou=0.5, axis=7.0, cost=-4.0, seconds=5.0)]
     made = rules.markdown(rows)
-    line = next(text for text in made.splitlines() if "slides tuned together" in text)
+    line = next(text for text in made.splitlines() if "labels from a second start" in text)
     cells = [cell.strip() for cell in line.strip("|").split("|")]
     assert cells[1:] == ["2 → 1 of 2", "4, 0 → 3, 2 of 4", "0.900 → 0.700", "0.10 → 7.00", "+3.00",
                          "x 0.50", "`b`"]
@@ -130,9 +127,9 @@ def test_seconds_of_a_search_that_ran_anew_are_not_compared(load):
 
 
 def test_what_is_the_same_without_a_rule_is_told_once(load):
-    made = load("rules").markdown([row("", "a"), row("tune", "a", seconds=5.0)])
-    assert "| slides tuned together | 1 of 1 | 2, 0 of 2 | 0.900 | 0.10 | +0.00 | x 0.50 | none |" \
-        in made
+    made = load("rules").markdown([row("", "a"), row("renewed", "a", seconds=5.0)])
+    assert ("| labels from a second start | 1 of 1 | 2, 0 of 2 | 0.900 | 0.10 | +0.00 | x 0.50 "
+            "| none |") in made
 
 
 def test_a_set_is_told_by_its_motions_and_labels(load):

@@ -19,6 +19,7 @@ from part2gs_robotics.evidence.surfels import Surfels
 from part2gs_robotics.model import se3
 from part2gs_robotics.model.joint import Joint
 from part2gs_robotics.search.pool import find_more
+from part2gs_robotics.search.refine import refine
 
 pytestmark = pytest.mark.usefixtures("one_numba_thread")
 X, Y, Z = np.eye(3)
@@ -121,7 +122,7 @@ def test_as_many_parts_are_found_as_pay(judge, look_alikes, caplog):
         found, _ = decide(judge, pool, None)
     assert sorted(h.value for h in found.motions) == pytest.approx([0.2, 0.3], abs=0.005)
     assert caplog.messages[0].startswith("decide: nothing moves: cost")
-    assert caplog.messages[-1].startswith("tune:")
+    assert caplog.messages[-1].startswith("decide: one more:")
 
 
 def test_the_search_goes_on_from_any_set(judge, right, look_alikes):
@@ -160,7 +161,7 @@ def test_what_a_set_leaves_is_searched_again(judge, right, look_alikes):
     found, _ = decide(judge, [WRONG["between"]], None, again=again)
     assert sorted(h.value for h in found.motions) == pytest.approx([0.2, 0.3], abs=0.005)
     assert found.cost == pytest.approx(right.cost, abs=PART)
-    assert len(asked) == 3, "for each of both motions, and once more"
+    assert len(asked) == 2, "once with one motion more, between refined to the other; once in vain"
 
 
 def test_what_nothing_explains_is_what_moved(judge, right):
@@ -230,6 +231,24 @@ def test_fewer_parts_than_move_are_said_to_be_too_few(judge, look_alikes, caplog
     pool = [*look_alikes.truth, *WRONG.values()]
     with caplog.at_level("INFO", logger="part2gs_robotics.decide"):
         assert decide(judge, pool, 1)[1]
-    assert "one part more than asked for" in "".join(caplog.messages[-3:])
+    assert "one part more than asked for" in caplog.messages[-1]
     assert not decide(judge, pool, 2)[1]
     assert not decide(judge, pool, None)[1]
+
+
+def test_what_refinement_leaves_in_its_place_is_not_judged_again(judge, right, monkeypatch):
+    """It looks the same, and photos cost far more time than the refinement."""
+    fine = right
+    for _ in range(8):
+        fine = judge.judge(on_base([
+            refine(h, judge.study.own(fine.labels, k + 1), judge.lands, judge.study.taus)
+            for k, h in enumerate(fine.motions)]))
+    asked = []
+    true = judge.judge
+    monkeypatch.setattr(judge, "judge", lambda found: asked.append(found) or true(found))
+    assert judge.polished(fine) is fine
+    assert not asked
+    moved = replace(fine.motions[0], value=fine.motions[0].value + 0.01)
+    rough = true(fine.swapped(0, moved))
+    assert judge.polished(rough).cost < rough.cost
+    assert asked

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from part2gs_robotics.decide.candidate import on_base
-from part2gs_robotics.decide.split import _parallel, halved, in_pieces, tune
+from part2gs_robotics.decide.split import _parallel, halved, tune
 from part2gs_robotics.model.joint import Joint
 
 pytestmark = pytest.mark.usefixtures("one_numba_thread")
@@ -37,7 +37,6 @@ def test_one_slide_between_two_blocks_is_two(judge, right, look_alikes):
 def test_what_carries_or_is_carried_is_not_split(judge, right, look_alikes):
     carrying = replace(right, parents=(0, 1))
     assert halved(judge, carrying, look_alikes.truth) == []
-    assert in_pieces(judge, carrying) == []
 
 
 def test_numbers_of_parts_that_stay_are_kept(judge, right, look_alikes):
@@ -51,15 +50,6 @@ def test_parallel_motions_are_paired_by_kind_whichever_way_their_axes_point():
     pool = [one, door, slide(Y, 0.3), two, slide(X, 0.201), other]
     assert _parallel(pool, False, 0.05) == [(one, two), (two, pool[4])]
     assert _parallel(pool, True, 0.05) == [(door, other)]
-
-
-def test_pieces_of_one_motion_become_motions_of_their_own(judge, right):
-    """One slide between two blocks' carries both, in two pieces; each piece has its own."""
-    between = judge.judge(on_base([BETWEEN]))
-    found = judge.polished(judge.best_of(in_pieces(judge, between)))
-    assert sorted(h.value for h in found.motions) == pytest.approx([0.2, 0.3], abs=0.01)
-    assert found.cost < between.cost
-    assert in_pieces(judge, right) == [], "bodies in one piece stay"
 
 
 def test_tuning_repairs_lengths_that_are_off_by_a_hundredth(judge, right, look_alikes):
