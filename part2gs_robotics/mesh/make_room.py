@@ -53,8 +53,9 @@ def all_apart(surfaces: Sequence[Manifold], pieces: Sequence[Sequence[Manifold]]
             if cut is out[part]:
                 continue
             out[part] = cut
-            kept[part] = [less for piece in kept[part]
-                          if not (less := _rest(piece, tools.near(piece, ()))).is_empty()]
+            if part:  # what the base keeps passes nobody
+                kept[part] = [less for piece in kept[part]
+                              if not (less := _rest(piece, tools.near(piece, ()))).is_empty()]
     return out
 
 

@@ -96,13 +96,19 @@ def torn(before: Sequence[Manifold], after: Sequence[Manifold], place: Place,
     """
     for s in (0, 1):
         poses = [place.state1_from_0[k] if s else np.eye(4) for k in range(place.count)]
-        old, new = (drawn([arrays(one) for one in surfaces], poses, maps[s].maps, voxel)
-                    for surfaces in (before, after))
         solid = maps[s].maps.alphas >= SOLID
-        through = solid & np.isfinite(old) & np.isinf(new)
-        if through.sum() > TORN * solid.sum() or any(_within(one).any() for one in through):
-            return True
+        through = solid & np.isinf(drawn([arrays(one) for one in after], poses, maps[s].maps,
+                                         voxel))
+        if _tears(through, solid):  # or nothing could be, whatever was before
+            old = drawn([arrays(one) for one in before], poses, maps[s].maps, voxel)
+            if _tears(through & np.isfinite(old), solid):
+                return True
     return False
+
+
+def _tears(through: Mask, solid: Mask) -> bool:
+    """Say whether pixels [V, H, W] that look through are more than rims of what is solid."""
+    return bool(through.sum() > TORN * solid.sum() or any(_within(one).any() for one in through))
 
 
 def _voxels(grid: Grid, points: F64) -> tuple[I64, Mask]:
