@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -24,6 +25,7 @@ from part2gs_robotics.paper import losses
 from part2gs_robotics.paper.joint_terms import REPEL_VOXEL, SWEEP, Part, Pull, parts_of, terms_on
 from part2gs_robotics.paper.repel import joint_gradient, repel_forces
 from part2gs_robotics.runtime.adam import Adam, require_finite
+from part2gs_robotics.runtime.side_by_side import side_by_side
 
 if TYPE_CHECKING:
     from part2gs_robotics.evidence.study import Study
@@ -52,8 +54,8 @@ def physical_steps(
         return joints
     parts = parts_of(study, hard, len(joints), config.paper_mode)
     with _one_thread():
-        return [_descend(*pair, k + 1, config)
-                for k, pair in enumerate(zip(parts, joints, strict=True))]
+        return side_by_side([partial(_descend, *pair, k + 1, config)
+                             for k, pair in enumerate(zip(parts, joints, strict=True))])
 
 
 @contextmanager
