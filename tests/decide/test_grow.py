@@ -10,7 +10,7 @@ import pytest
 
 from part2gs_robotics.config import SearchConfig
 from part2gs_robotics.decide.candidate import PART, Scores, on_base
-from part2gs_robotics.decide.grow import decide, lowered
+from part2gs_robotics.decide.grow import _counted, decide, lowered
 from part2gs_robotics.decide.judge import Judge
 from part2gs_robotics.decide.labelling import energy_of
 from part2gs_robotics.evidence.graph import build_graph, web_of
@@ -220,6 +220,20 @@ def test_one_part_by_order_is_one_part(judge, look_alikes):
     found, _ = decide(judge, [WRONG["across"], *look_alikes.truth], 1)
     motion, = found.motions
     assert motion.value == pytest.approx(0.3, abs=0.005)
+
+
+@pytest.mark.parametrize(("count", "values", "short"), [
+    (1, {0.3}, True), (2, {0.3, 0.2}, False), (3, {0.3, 0.2, 0.25}, False)])
+def test_a_given_number_begins_from_what_is_found_without_it(count, values, short):
+    """Alone, a motion between two explains most; of the two that were found one stays."""
+    one, two, between = (Joint("prismatic", X, np.zeros(3), value) for value in (0.3, 0.2, 0.25))
+    judge = Priced({frozenset(): 1.0, frozenset({0.25}): 0.5, frozenset({0.3}): 0.6,
+                    frozenset({0.2}): 0.7, frozenset({0.3, 0.2}): 0.1,
+                    frozenset({0.3, 0.25}): 0.4, frozenset({0.2, 0.25}): 0.4,
+                    frozenset({0.3, 0.2, 0.25}): 0.1})
+    free = judge.judge(on_base([one, two]))
+    found, more = _counted(judge, free, [between, one, two], count)
+    assert ({h.value for h in found.motions}, more) == (values, short)
 
 
 def test_without_hypotheses_or_with_wrong_ones_alone_nothing_moves(judge):
