@@ -19,6 +19,7 @@ from part2gs_robotics.joints.left_over import (
     left_over,
     shaped,
     sorted_out,
+    surface_under,
 )
 from part2gs_robotics.model.gaussians import Gaussians
 from part2gs_robotics.model.joint import Joint
@@ -113,6 +114,18 @@ def test_marks_lie_where_the_lacking_part_is(two: tuple[Canonical, Motion],
         assert np.linalg.norm(gaps.mean(0)) < 0.25 * across
         assert np.abs(gaps).max() < across
         assert len(rows) > 0.5 * across**2
+
+
+def test_what_turned_is_looked_at_in_the_light_that_the_motion_was_found_in() -> None:
+    """Lit from one side, a block that slides is as bright as before, one that turns is not."""
+    lit = (0.8, *(7 * [0.0]))  # brighter towards x
+    turn = Joint("revolute", np.array([0.0, 0, 1]), np.array([0.8, 0.5, 0]), 1.2)
+    for joint, alike in ((SLIDES[0], True), (turn, False)):
+        both, motion = seen((BASE, BLOCKS[0]), (joint,))
+        even, shaded = (surface_under(both, replace(motion, shades=shades)).errors
+                        for shades in (Motion.shades, lit))
+        assert np.array_equal(even, shaded, equal_nan=True) == alike
+        assert np.nanmean(shaded) >= np.nanmean(even)  # its paint was drawn without any light
 
 
 def test_noise_alone_is_complete_and_hides_no_part() -> None:
