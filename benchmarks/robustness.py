@@ -163,8 +163,9 @@ Lines: {", ".join(f"{name} {color}" for name, color in zip(names, COLORS, strict
 - `shadows that move`: lights cast shadows, which move with the parts. The sektion cabinet's
   upper drawer turns in that twin: its walls were fitted as slopes, along which no drawer slides.
   Of a desk's four look-alike drawers two come out as one part, and its checks pass, as from 24
-  views; a table's parts are all found, and its build says that 3 % of what moved is not explained.
-  Both ran beside other work, at two to three times their seconds.
+  views; a note now says of each that it is two bodies. A table's parts are all found, and its
+  build says that 3 % of what moved is not explained. Both ran beside other work, at two to three
+  times their seconds.
 - `path-traced room`: the same cameras, drawn by Mitsuba in a lit room
   (`benchmarks/path_traced.py`): soft shadows, light from part to part, gloss, noise, JPEG. From
   plain photos of such a room, cameras and masks found as well: [photos.md](photos.md). The sektion

@@ -14,10 +14,12 @@ from part2gs_robotics.mesh.build_parts import build_parts
 from part2gs_robotics.model.gaussians import Gaussians
 from part2gs_robotics.model.motion import FAILED, Motion, without_part
 from part2gs_robotics.model.scene import Scene
+from part2gs_robotics.model.solids import to_manifold
 from part2gs_robotics.model.twin import Part
 
 logger = logging.getLogger(__name__)
 TOLD = 5e-4  # of a part's volume: rounds to 0.1 %
+BODY = 0.25  # of its volume: of 18 parts in five twins 0.19 at most, two in one 0.38 and 0.46
 CRUMB = 0.25  # of its Gaussians' extent: 96 solids have 0.54 at least, a reflection's had 0.03
 
 
@@ -38,7 +40,8 @@ def build_existing(scene: Scene, gaussians: tuple[Gaussians, Gaussians], motion:
         try:
             parts = build_parts(scene, gaussians, motion, config)
             require_bodies(parts, gaussians, motion)
-            return replace(motion, notes=(*motion.notes, *_yielded(parts))), parts
+            notes = *motion.notes, *_yielded(parts), *two_bodies(parts)
+            return replace(motion, notes=notes), parts
         except EmptyPartError as err:
             if err.part == 0:
                 raise
@@ -51,6 +54,23 @@ def _yielded(parts: tuple[Part, ...]) -> list[str]:
             if (share := part.diagnostics["yielded"]) >= TOLD]
     return [f"In the way of motion that was observed, and cut away: {', '.join(told)}, by volume."
             ] if told else []
+
+
+def two_bodies(parts: tuple[Part, ...]) -> list[str]:
+    """Return a note of every moving part in two bodies; nothing that photos show makes it one.
+
+    Two parts that look alike and move nearly alike explain the photos nearly as well as one.
+    """
+    notes = []
+    for part in parts[1:]:
+        sizes = np.array([float(body.volume()) for body in to_manifold(part.mesh).decompose()])
+        shares = np.sort(sizes[sizes > 0])[::-1] / max(sizes.sum(), 1e-300)
+        if len(shares) > 1 and shares[1] >= BODY:
+            notes.append(f"{part.name} is two bodies or more, the largest with {shares[0]:.0%} and "
+                         f"{shares[1]:.0%} of its volume, and no photo shows what holds them "
+                         "together: it may be two parts that look alike and move nearly alike. "
+                         "Look at it; --parts with one more parts them if photos can.")
+    return notes
 
 
 def _without(motion: Motion, part: int, why: str) -> Motion:
