@@ -1,9 +1,10 @@
 """Minimum cut of a sparse graph: which of two things every node does, at the least cost of all.
 
-Two trees grow from source and sink until they touch, the path between them is filled, and what it
-cuts off looks for a new parent (Boykov and Kolmogorov, "An experimental comparison of min-cut/
-max-flow algorithms", 2004). Capacities are whole numbers, so a cut is the same on every machine.
-A decision takes a thousand and more of them; SciPy's maximum flow takes several times as long each.
+Trees grow from the sink until they touch what hangs on the source, the path between is filled, and
+what it cuts off looks for a new parent (Boykov and Kolmogorov, "An experimental comparison of
+min-cut/max-flow algorithms", 2004). Capacities are whole numbers, so a cut is the same on every
+machine. A decision takes a thousand and more of them; SciPy's maximum flow takes several times as
+long each.
 """
 
 from __future__ import annotations
