@@ -89,6 +89,8 @@ class StereoConfig:
     """photos per state that get a depth map; more see nothing new"""
     stereo_side: int = 110
     """pixels of the object's longer side in these photos"""
+    plain_faces: bool = False
+    """put flat faces without texture where photos see their rims; looks through glass"""
 
 
 @dataclass(frozen=True)

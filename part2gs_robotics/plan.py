@@ -125,6 +125,9 @@ def _fitting(scene: Scene, config: Config) -> tuple[PlanItem, ...]:
         PlanItem("hollows by stereo", not all(with_depth) and config.stereo.stereo,
                  "depth images show them" if all(with_depth) else "off by --no-stereo"
                  if not config.stereo.stereo else "silhouettes cannot see into hollows"),
+        PlanItem("flat faces without texture", not all(with_depth) and config.stereo.stereo
+                 and config.stereo.plain_faces, "by --plain-faces" if config.stereo.plain_faces
+                 else "off without --plain-faces: it looks through glass"),
         PlanItem("depth smoothness", not all(with_depth) and config.fit.smooth_weight > 0, smooth),
         PlanItem("view-dependent colour", True, "kept only if held-out views gain by it", "during")
         if config.fit.view_color else

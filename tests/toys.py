@@ -52,8 +52,8 @@ def cameras(count, side, centre, diag):
     return np.repeat(K[None], count, 0), np.stack(views)
 
 
-def cast(boxes, Ks, viewmats, side):
-    """Return StateViews of boxes, ray-cast exactly, with depth."""
+def cast(boxes, Ks, viewmats, side, look=paint):
+    """Return StateViews of boxes, ray-cast exactly, with depth; look: colours of (points, seed)."""
     from part2gs_robotics.model.scene import StateViews
 
     rows, cols = np.mgrid[:side, :side] + 0.5
@@ -70,7 +70,7 @@ def cast(boxes, Ks, viewmats, side):
             enter, leave = np.minimum(near, far).max(1), np.maximum(near, far).min(1)
             hit = (enter < leave) & (enter > 0) & (enter < depth[v])
             depth[v, hit] = enter[hit]
-            color[v, hit] = paint(eye + ways[hit] * enter[hit, None], box.seed)
+            color[v, hit] = look(eye + ways[hit] * enter[hit, None], box.seed)
     shape = (count, side, side)
     solid = np.isfinite(depth).reshape(shape)
     return StateViews(

@@ -11,16 +11,19 @@ from part2gs_robotics.evidence.depth_maps import MIN_VIEWS, DepthMaps, observe
 from part2gs_robotics.evidence.surfels import Surfels, fuse_surfels, sampling
 from part2gs_robotics.fit.hull import Hull
 from part2gs_robotics.fit.hull_points import point_colors, surface_points
-from part2gs_robotics.fit.stereo import stereo_depths
+from part2gs_robotics.fit.stereo import mapped, stereo_depths
 from part2gs_robotics.model.arrays import F64
 from part2gs_robotics.model.gaussians import SH_C0, Gaussians
 from part2gs_robotics.model.scene import StateViews
+from part2gs_robotics.plain.plain_faces import with_plain_faces
+from part2gs_robotics.plain.planes import Bounds
 
 OVERLAP = 0.7  # disc standard deviation / spacing: neighbours cover each other, edges stay sharp
 FLATNESS = 0.15  # thickness / radius of a disc: thin, yet seen when a camera looks along it
 START_OPACITY = 0.7  # high enough to hide the far side, low enough to fade where wrong
 HOLLOW_SHARE = 0.7  # discs in hollows per disc on the hull, at most: what stands open needs as many
 NEAR = 0.012  # of the diagonal: above the stereo's error in three pixels out of four
+FACES = 215  # pixels of the object in photos whose even regions are looked at
 SPACING = 0.008  # of the diagonal: about as dense as 14,000 discs on the hull of a box
 
 
@@ -70,6 +73,10 @@ def _depths(hull: Hull, state: StateViews, stereo: StereoConfig,
                          state.viewmats[used])
         return maps, state.images[used]
     maps, views = stereo_depths(state, hull, stereo)
+    if stereo.plain_faces:
+        larger = mapped(state, stereo.stereo_views, FACES)
+        bounds = Bounds(hull.values, hull.lo, hull.voxel, hull.diagonal)
+        maps = with_plain_faces(state, bounds, maps, larger)
     straight = views.colors / np.maximum(views.alphas, 1e-3)[..., None]  # 1e-3: below one level
     return maps, np.rint(255 * np.clip(straight, 0, 1)).astype(np.uint8)
 

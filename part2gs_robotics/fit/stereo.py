@@ -45,19 +45,35 @@ def stereo_depths(state: StateViews, hull: Hull, config: StereoConfig | None = N
         Depth maps (0 = unknown) and the views, both at that size.
     """
     config = config or StereoConfig()
-    side = _side(state, config.stereo_side)
-    views = small_views(state, max(config.stereo_views, COMPARED), side)
+    views = _compared(state, config.stereo_views, config.stereo_side)
     solid = np.maximum(views.alphas, 1e-3)[..., None]
     images = np.ascontiguousarray(views.colors / solid, np.float32)
     eyes = -np.einsum("vji,vj->vi", views.viewmats[:, :3, :3], views.viewmats[:, :3, 3])
     middle = 0.5 * (hull.lo + hull.hi)
     gaze = (middle - eyes) / np.linalg.norm(middle - eyes, axis=1, keepdims=True)
     angles = np.degrees(np.arccos(np.clip(gaze @ gaze.T, -1, 1)))
-    mapped = spread(views.viewmats, config.stereo_views)
+    chosen = spread(views.viewmats, config.stereo_views)
     depths = side_by_side([partial(_depth, views, images, v, _near(angles[v]), hull)
-                           for v in mapped])
-    own = views.select(mapped)
+                           for v in chosen])
+    own = views.select(chosen)
     return DepthMaps(np.stack(depths), own.alphas, own.Ks, own.viewmats), own
+
+
+def mapped(state: StateViews, count: int, wanted: int) -> SmallViews:
+    """Return the views that get a depth map, of another size.
+
+    Args:
+        state: photos.
+        count: of maps, at most.
+        wanted: pixels of the object's longer side.
+    """
+    views = _compared(state, count, wanted)
+    return views.select(spread(views.viewmats, count))
+
+
+def _compared(state: StateViews, count: int, wanted: int) -> SmallViews:
+    """Return the views that so many depth maps are compared with."""
+    return small_views(state, max(count, COMPARED), _side(state, wanted))
 
 
 def _near(angles: F64) -> NDArray[np.int64]:

@@ -123,6 +123,13 @@ def test_the_plan_says_what_was_left_out(ball: Scene, word: str, name: str) -> N
     assert item.reason
 
 
+def test_the_plan_says_what_was_asked_for(ball: Scene) -> None:
+    name = "flat faces without texture"
+    assert not make_plan(ball, resolve({}))[name].used
+    assert make_plan(ball, resolve({"plain_faces": True}))[name].used
+    assert not make_plan(ball, resolve({"plain_faces": True, "stereo": False}))[name].used
+
+
 def test_one_hull_per_part_without_convex_pieces(tmp_path: Path) -> None:
     from part2gs_robotics.collision.convex import convex_pieces
     from part2gs_robotics.model.solids import to_mesh

@@ -15,7 +15,8 @@ PACKAGE = ROOT / "part2gs_robotics"
 MAY = {
     "runtime": "", "model": "", "ahead": "runtime",
     "align": "model", "readers": "align model runtime", "render": "model runtime",
-    "evidence": "model runtime render", "fit": "evidence render model runtime",
+    "evidence": "model runtime render", "plain": "evidence model runtime",
+    "fit": "plain evidence render model runtime",
     "search": "evidence model runtime", "paper": "evidence model runtime",
     "decide": "search evidence render model runtime",
     "joints": "decide search paper evidence render model runtime",
@@ -37,7 +38,8 @@ MAY = {
     "commands": "photos readers model runtime",
 }  # fmt: skip
 ALONE = {  # from that room, these files alone
-    ("fit", "evidence"): {"depth_maps", "surfels"},
+    ("plain", "evidence"): {"depth_maps", "edges", "segments"},
+    ("fit", "plain"): {"plain_faces", "planes"}, ("fit", "evidence"): {"depth_maps", "surfels"},
     ("volume", "evidence"): {"depth_maps"},
     ("mesh", "evidence"): {"depth_maps", "edges", "segments"},
     ("agree", "exporters"): {"inertia", "meshfile", "read_twin", "twin_yaml"},
