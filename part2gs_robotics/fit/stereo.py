@@ -18,14 +18,12 @@ from part2gs_robotics.fit.hull import Hull
 from part2gs_robotics.fit.stereo_kernels import aggregate, hull_span, matching_cost
 from part2gs_robotics.model.arrays import F32, F64
 from part2gs_robotics.model.scene import StateViews
-from part2gs_robotics.model.small_views import SmallViews, small_views, spread
+from part2gs_robotics.model.small_views import SmallViews, neighbors, small_views, spread
 from part2gs_robotics.runtime.side_by_side import side_by_side
 
 COMPARED = 64  # photos per state that depth maps are compared with; more see nothing new
 BINS = 96  # depths from the hull's nearest to farthest point: a pixel of parallax at 110 pixels
-NEIGHBORS = 12  # views compared: up to about 45 degrees away in a set of 64
 USED = 0.75  # share of them that counts: the others may be blocked
-NEAREST = 3.0  # degrees: closer views have no parallax
 FRONT = 5e-5  # of the colour range per depth: less than any colour difference, decides ties only
 MARCH = 0.7  # voxels per step along a ray: no wall of the hull is jumped
 # The eight paths to a pixel (Hirschmüller 2008): rows and columns of a step.
@@ -48,12 +46,9 @@ def stereo_depths(state: StateViews, hull: Hull, config: StereoConfig | None = N
     views = _compared(state, config.stereo_views, config.stereo_side)
     solid = np.maximum(views.alphas, 1e-3)[..., None]
     images = np.ascontiguousarray(views.colors / solid, np.float32)
-    eyes = -np.einsum("vji,vj->vi", views.viewmats[:, :3, :3], views.viewmats[:, :3, 3])
-    middle = 0.5 * (hull.lo + hull.hi)
-    gaze = (middle - eyes) / np.linalg.norm(middle - eyes, axis=1, keepdims=True)
-    angles = np.degrees(np.arccos(np.clip(gaze @ gaze.T, -1, 1)))
+    near = neighbors(views.viewmats, 0.5 * (hull.lo + hull.hi))
     chosen = spread(views.viewmats, config.stereo_views)
-    depths = side_by_side([partial(_depth, views, images, v, _near(angles[v]), hull)
+    depths = side_by_side([partial(_depth, views, images, v, near[v], hull)
                            for v in chosen])
     own = views.select(chosen)
     return DepthMaps(np.stack(depths), own.alphas, own.Ks, own.viewmats), own
@@ -74,12 +69,6 @@ def mapped(state: StateViews, count: int, wanted: int) -> SmallViews:
 def _compared(state: StateViews, count: int, wanted: int) -> SmallViews:
     """Return the views that so many depth maps are compared with."""
     return small_views(state, max(count, COMPARED), _side(state, wanted))
-
-
-def _near(angles: F64) -> NDArray[np.int64]:
-    """Return the views to compare with, nearest first, by their angles in degrees."""
-    order = np.argsort(angles, kind="stable")
-    return order[angles[order] > NEAREST][:NEIGHBORS]
 
 
 def _side(state: StateViews, wanted: int) -> int:

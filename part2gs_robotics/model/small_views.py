@@ -12,6 +12,9 @@ from part2gs_robotics.model.arrays import F64
 from part2gs_robotics.model.points import farthest
 from part2gs_robotics.model.scene import Camera, StateViews
 
+NEIGHBORS = 12  # views compared: up to about 45 degrees away in a set of 64
+NEAREST = 3.0  # degrees: closer views have no parallax
+
 
 @dataclass(frozen=True)
 class Photo:
@@ -66,6 +69,18 @@ def spread(viewmats: F64, count: int) -> list[int]:
     """Return indices of up to `count` cameras [V, 4, 4] far from each other, in order."""
     centres = np.stack([-m[:3, :3].T @ m[:3, 3] for m in viewmats])
     return sorted(farthest(centres, count, 0).tolist())
+
+
+def neighbors(viewmats: F64, middle: F64) -> list[NDArray[np.int64]]:
+    """Return for each camera [V, 4, 4] the NEIGHBORS nearest by the angle at the object's middle.
+
+    Cameras nearer than NEAREST are none: they have no parallax.
+    """
+    eyes = -np.einsum("vji,vj->vi", viewmats[:, :3, :3], viewmats[:, :3, 3])
+    gaze = (middle - eyes) / np.linalg.norm(middle - eyes, axis=1, keepdims=True)
+    angles = np.degrees(np.arccos(np.clip(gaze @ gaze.T, -1, 1)))
+    order = np.argsort(angles, axis=1, kind="stable")
+    return [row[own[row] > NEAREST][:NEIGHBORS] for own, row in zip(angles, order, strict=True)]
 
 
 def chosen(state: StateViews, count: int) -> NDArray[np.int64]:

@@ -15,9 +15,9 @@ import numpy as np
 from part2gs_robotics.evidence.depth_maps import DepthMaps
 from part2gs_robotics.evidence.edges import bundled, edge_families
 from part2gs_robotics.evidence.segments import segments_of
-from part2gs_robotics.model.arrays import F32, F64, I64
+from part2gs_robotics.model.arrays import F32, F64
 from part2gs_robotics.model.scene import StateViews
-from part2gs_robotics.model.small_views import SmallViews
+from part2gs_robotics.model.small_views import SmallViews, neighbors
 from part2gs_robotics.plain.agreed import Spoken, on_agreed
 from part2gs_robotics.plain.kernels import NOTHING
 from part2gs_robotics.plain.planes import Asked, Bounds, Views, spoken_for
@@ -25,8 +25,6 @@ from part2gs_robotics.plain.regions import regions_of
 from part2gs_robotics.runtime.side_by_side import side_by_side
 
 SOLID = 0.9  # of a pixel: less is mixed with what is behind
-NEIGHBORS = 12  # photos compared: up to about 45 degrees away in a set of 64
-NEAREST = 3.0  # degrees: closer photos have no parallax
 CROSSED = np.sin(np.deg2rad(20.0))  # of edges: flatter ones hardly span a plane
 SAME = np.cos(np.deg2rad(2.0))  # of normals
 MOST = 6  # normals: a box has three
@@ -76,18 +74,8 @@ def _views(bounds: Bounds, maps: DepthMaps, views: SmallViews) -> Views:
     images = np.ascontiguousarray(views.colors / np.maximum(views.alphas, 1e-3)[..., None],
                                   np.float32)  # 1e-3: below one level
     images[views.alphas < SOLID] = NOTHING
-    eyes = -np.einsum("vji,vj->vi", views.viewmats[:, :3, :3], views.viewmats[:, :3, 3])
-    gaze = bounds.middle - eyes
-    gaze /= np.linalg.norm(gaze, axis=1, keepdims=True)
-    angles = np.degrees(np.arccos(np.clip(gaze @ gaze.T, -1, 1)))
     return Views(images, _resized(maps.depths, views.alphas.shape), views.Ks, views.viewmats,
-                 [_near(row) for row in angles], bounds)
-
-
-def _near(angles: F64) -> I64:
-    """Return the photos to compare with, nearest first, by their angles in degrees."""
-    order = np.argsort(angles, kind="stable")
-    return np.asarray(order[angles[order] > NEAREST][:NEIGHBORS], np.int64)
+                 neighbors(views.viewmats, bounds.middle), bounds)
 
 
 def _resized(maps: F32, shape: tuple[int, ...]) -> F32:
