@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from part2gs_robotics.boards.cell_kernels import divide, renumber
 from part2gs_robotics.boards.planes import Family
 from part2gs_robotics.model.arrays import I64
 from part2gs_robotics.model.grid import Grid
@@ -44,13 +45,11 @@ def cells_of(grid: Grid, families: tuple[Family, ...]) -> Cells:
     of_voxel, digits = np.zeros(grid.shape, np.int32), np.zeros((1, 0), np.int64)
     for family in families:
         x, y, z = (n * axis for n, axis in zip(family.normal, axes, strict=True))
-        levels = x[:, None, None] + y[None, :, None] + z[None, None, :]
         base = len(family.offsets) + 1
-        code = of_voxel * base + np.searchsorted(family.offsets, levels)
         held = np.zeros(len(digits) * base, bool)
-        held[code.ravel()] = True
+        divide(x[:, None] + y, z, family.offsets, of_voxel, held)
         used = np.flatnonzero(held)
         # Renumbered at once: codes of all families together would have to be sorted.
-        of_voxel = (np.cumsum(held, dtype=np.int32) - 1)[code]
+        renumber(of_voxel, np.cumsum(held, dtype=np.int32) - np.int32(1))
         digits = np.concatenate([digits[used // base], (used % base)[:, None]], 1)
     return Cells(grid, families, of_voxel, digits)

@@ -13,8 +13,9 @@ import numpy as np
 from scipy.sparse import coo_matrix, csr_matrix
 from scipy.sparse.csgraph import breadth_first_order, maximum_flow
 
+from part2gs_robotics.boards.cell_kernels import borders, gains
 from part2gs_robotics.boards.cells import Cells
-from part2gs_robotics.model.arrays import F32, F64, I64, Mask
+from part2gs_robotics.model.arrays import F32, F64, Mask
 from part2gs_robotics.model.grid import Grid
 
 INVENTED = 0.5  # voxels of full belief that a voxel's face nobody saw costs
@@ -50,7 +51,7 @@ def inside_cells(cells: Cells, belief: Belief, worth: F64 | float = 0.0) -> tupl
         worth: [X, Y, Z] what else speaks for a voxel, in those of full belief.
     """
     count, gain = len(cells), gain_of(cells, belief, worth)
-    one, two, cost = _faces(cells, belief.surface)
+    one, two, cost = borders(cells.of_voxel, belief.surface, INVENTED, SEEN_FACE)
     ties = coo_matrix((np.r_[cost, cost], (np.r_[one, two], np.r_[two, one])), (count, count))
     inside = _cut(gain, ties.tocsr())
     return inside, float(gain[inside].sum() - cost[inside[one] != inside[two]].sum())
@@ -58,23 +59,10 @@ def inside_cells(cells: Cells, belief: Belief, worth: F64 | float = 0.0) -> tupl
 
 def gain_of(cells: Cells, belief: Belief, worth: F64 | float) -> F64:
     """Return [C] what speaks for cells, in voxels of full belief; arguments as `inside_cells`."""
-    own = (belief.inside + worth).ravel()
-    return np.bincount(cells.of_voxel.ravel(), own, len(cells)).astype(np.float64)
-
-
-def _faces(cells: Cells, surface: F32) -> tuple[I64, I64, F64]:
-    """Return the pairs of neighbouring voxels in two cells: both cells, and the face's cost."""
-    one, two, cost = [], [], []
-    for axis in range(3):
-        low, high = [slice(None)] * 3, [slice(None)] * 3
-        low[axis], high[axis] = slice(None, -1), slice(1, None)
-        a, b = cells.of_voxel[tuple(low)], cells.of_voxel[tuple(high)]
-        border = a != b
-        seen = np.maximum(surface[tuple(low)][border], surface[tuple(high)][border])
-        one.append(a[border])
-        two.append(b[border])
-        cost.append(INVENTED * (1.0 - seen) + SEEN_FACE)
-    return np.concatenate(one), np.concatenate(two), np.concatenate(cost).astype(float)
+    gain = np.zeros(len(cells))
+    more = worth if isinstance(worth, np.ndarray) else np.full(belief.inside.shape, float(worth))
+    gains(cells.of_voxel, belief.inside, more, gain)
+    return gain
 
 
 def _cut(gain: F64, ties: csr_matrix) -> Mask:

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from itertools import product
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.ndimage import binary_dilation, distance_transform_edt, label, uniform_filter
+from scipy.ndimage import binary_dilation, label, uniform_filter
 
 from part2gs_robotics.boards.board_solid import BoardSolid
 from part2gs_robotics.boards.cut import Belief
@@ -81,13 +82,28 @@ def contradicted(belief: Belief, filled: Mask, fine: Mask, missed: F64) -> Mask:
     """
     asked = AROUND_SIDE**3 * uniform_filter(missed, AROUND_SIDE, mode="constant") >= ASKED
     wrong = np.where(filled, belief.outside, fine & asked)
-    depth = distance_transform_edt(filled) + distance_transform_edt(~filled)
-    wrong &= depth > DEEP
+    wrong[wrong] = _deep(filled, np.argwhere(wrong))
     places, count = label(wrong, np.ones((3, 3, 3)))
     worth = np.bincount(places.ravel(), np.where(filled, 1.0, missed).ravel(), count + 1)
     many = worth >= FEWEST
     many[0] = False
     return np.asarray(binary_dilation(many[places], np.ones((3, 3, 3)), AROUND))
+
+
+def _deep(filled: Mask, index: I64) -> Mask:
+    """Return [N] whether voxels lie further than `DEEP` from the surface of a solid.
+
+    Args:
+        filled: [X, Y, Z] the solid.
+        index: [N, 3] of the voxels.
+    """
+    last, reach = np.array(filled.shape) - 1, np.arange(-int(DEEP), int(DEEP) + 1)
+    own, deep = filled[tuple(index.T)], np.ones(len(index), bool)
+    for step in product(reach, reach, reach):
+        if np.linalg.norm(step) <= DEEP:
+            near = np.clip(index + step, 0, last)  # beyond the grid lies what is at its border
+            deep &= filled[tuple(near.T)] == own
+    return deep
 
 
 def boxes_of(where: Mask) -> list[Box]:

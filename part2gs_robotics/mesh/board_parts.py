@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -65,12 +65,28 @@ def edge_directions(scene: Scene, place: Place) -> list[F64]:
     return out
 
 
-def board_surfaces(place: Place, beliefs: Sequence[Belief], wholes: Sequence[Solid],
-                   maps: Sequence[PartMaps], edges: Sequence[F64],
-                   ) -> tuple[list[Manifold], list[float]]:
-    """Return the closed surfaces of all parts as solids of flat faces, base first, and yields.
+@dataclass(frozen=True)
+class Shapes:
+    """Solids of flat faces of all parts, base first, that may still be in each other's way.
 
-    Yields are what `yielded` says of every part.
+    Attributes:
+        surfaces: closed.
+        pieces: per part, convex solids that it is the union of.
+        curved: parts that are not of flat faces.
+        yields: what `yielded` says of every part.
+        voxel: size of the grid's cells.
+    """
+
+    surfaces: list[Manifold]
+    pieces: list[list[Manifold]]
+    curved: list[int]
+    yields: list[float]
+    voxel: float
+
+
+def board_shapes(place: Place, beliefs: Sequence[Belief], wholes: Sequence[Solid],
+                 maps: Sequence[PartMaps], edges: Sequence[F64]) -> Shapes:
+    """Return the solids of flat faces that explain photos best.
 
     Args:
         place: joints, and the part that carries each.
@@ -86,9 +102,11 @@ def board_surfaces(place: Place, beliefs: Sequence[Belief], wholes: Sequence[Sol
     worth = [np.zeros(board.cells.grid.shape) for board in boards]
     for _ in range(FILLINGS):
         more = unstopped(boards, place, maps)
-        worth = [old + new for old, new in zip(worth, more, strict=True)]
+        for old, new in zip(worth, more, strict=True):
+            old += new
         boards = [filled(board, gain) if new.any() else board
                   for board, gain, new in zip(boards, worth, more, strict=True)]
+        del more  # eight bytes per voxel and part: the next round makes as many
     boards = [paying(board, gain) for board, gain in zip(boards, worth, strict=True)]
     boards = [_drawn(board, k, place, maps) for k, board in enumerate(boards)]
     boards = [with_rest(board, *own, wanted) for board, own, wanted
@@ -97,13 +115,26 @@ def board_surfaces(place: Place, beliefs: Sequence[Belief], wholes: Sequence[Sol
     voxel = wholes[0].grid.voxel
     surfaces = [surface if board.curved else _simpler(surface, STEPS * voxel, voxel)
                 for board, surface in zip(boards, surfaces, strict=True)]
+    return Shapes(surfaces, [board.pieces for board in boards],
+                  [k for k, board in enumerate(boards) if board.curved], yields, voxel)
+
+
+def board_surfaces(shapes: Shapes, place: Place, maps: Sequence[PartMaps]) -> list[Manifold]:
+    """Return the closed surfaces of all parts, none in the way of another, base first.
+
+    Args:
+        shapes: of the parts.
+        place: joints, and the part that carries each.
+        maps: depth and part of every pixel, per state.
+    """
+    voxel = shapes.voxel
     # What clears curved parts of others is their grid alone, by less than outlines move them.
-    curved = [k for k, board in enumerate(boards) if board.curved and k]
-    surfaces, bends = to_outlines(surfaces, place, maps, voxel, curved)
-    pieces = [moved_pieces(board.pieces, bend) for board, bend in zip(boards, bends, strict=True)]
+    curved = [k for k in shapes.curved if k]
+    surfaces, bends = to_outlines(shapes.surfaces, place, maps, voxel, curved)
+    pieces = [moved_pieces(own, bend) for own, bend in zip(shapes.pieces, bends, strict=True)]
     apart = all_apart(surfaces, pieces, place, voxel)
     apart = without_rubs(shut(apart, pieces, place, maps, voxel), pieces, place, maps, voxel)
-    return [_simpler(surface, PLAIN * voxel, voxel) for surface in apart], yields
+    return [_simpler(surface, PLAIN * voxel, voxel) for surface in apart]
 
 
 def yielded(inside: Mask, taken: Mask) -> float:

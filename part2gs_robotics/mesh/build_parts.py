@@ -14,6 +14,7 @@ from part2gs_robotics.errors import EmptyPartError
 from part2gs_robotics.evidence.depth_maps import observe
 from part2gs_robotics.mesh.board_parts import (
     belief_of,
+    board_shapes,
     board_surfaces,
     edge_directions,
     yielded,
@@ -85,10 +86,10 @@ def build_parts(scene: Scene, gaussians: tuple[Gaussians, Gaussians], motion: Mo
     solids = [with_wires(solid, k, place, maps) if k else solid
               for k, solid in enumerate(wholes if config.flat_walls else solids)]
     if config.flat_walls:
-        beliefs = [belief_of(one, not k) for k, one in enumerate(evidence)]
-        del evidence  # ten numbers per voxel of every part
-        surfaces, yields = board_surfaces(place, beliefs, solids, maps,
-                                          edge_directions(scene, place))
+        beliefs = [belief_of(evidence.pop(0), not k) for k in range(place.count)]
+        shapes = board_shapes(place, beliefs, solids, maps, edge_directions(scene, place))
+        del beliefs, wholes, solids  # grids, which cutting parts apart has no need of
+        surfaces, yields = board_surfaces(shapes, place, maps), shapes.yields
     else:
         solids[0] = carved_base(solids, evidence, place, config.clearance_voxels)
         surfaces = [closed_surface(s, part_name(k), config.clearance_voxels)

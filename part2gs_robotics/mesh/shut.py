@@ -241,7 +241,9 @@ def _inside(corners: F64, planes: F64, points: F64, depth: float) -> Mask:
 def _seen(base: Manifold, maps: Sequence[PartMaps], voxel: float) -> F64:
     """Return points of the base's surface that photos of either state saw."""
     points, _ = arrays(base.refine_to_length(2 * voxel))
-    own = [replace(one.maps, depths=np.where(one.labels == 0, one.maps.depths, np.float32(0)))
-           for one in maps]  # what lies behind a door lies near it as well
-    seen = [observe(points, one, BESIDE * voxel).surface >= VOTES * len(one.depths) for one in own]
-    return points[np.logical_or(*seen)]
+    seen = np.zeros(len(points), bool)
+    for one in maps:
+        # What lies behind a door lies near it as well.
+        own = replace(one.maps, depths=np.where(one.labels == 0, one.maps.depths, np.float32(0)))
+        seen |= observe(points, own, BESIDE * voxel).surface >= VOTES * len(one.labels)
+    return points[seen]

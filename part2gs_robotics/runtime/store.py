@@ -26,6 +26,7 @@ from part2gs_robotics.runtime.atomic import (
     write_error,
     write_text_atomic,
 )
+from part2gs_robotics.runtime.device import give_back
 
 __all__ = ["Saved", "Store", "read_stage", "write_bytes_atomic",
            "write_stage", "write_text_atomic"]
@@ -161,6 +162,7 @@ class Store:
         if saved is not None:
             self.resumed.append(name)
             return load(saved)
+        give_back()  # what the stage before held
         result = compute()
         write_stage(folder, key, save(result))
         return result
