@@ -86,6 +86,7 @@ def build_parts(scene: Scene, gaussians: tuple[Gaussians, Gaussians], motion: Mo
     solids = [with_wires(solid, k, place, maps) if k else solid
               for k, solid in enumerate(wholes if config.flat_walls else solids)]
     if config.flat_walls:
+        # One by one: evidence is ten numbers per voxel of every part.
         beliefs = [belief_of(evidence.pop(0), not k) for k in range(place.count)]
         shapes = board_shapes(place, beliefs, solids, maps, edge_directions(scene, place))
         del beliefs, wholes, solids  # grids, which cutting parts apart has no need of

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
@@ -35,6 +36,8 @@ def give_back() -> None:
     glibc keeps freed arrays of up to 32 MB for the next of that size, and what lies between them
     keeps their pages. From here on grids and maps of a state go as soon as they are freed.
     """
+    if sys.platform != "linux":
+        return
     library = ctypes.CDLL(None)
     if hasattr(library, "mallopt") and hasattr(library, "malloc_trim"):
         library.mallopt(MMAP_THRESHOLD, APART)
