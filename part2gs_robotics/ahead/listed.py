@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 LIST = Path(__file__).with_name("kernels.txt")
+LATE = "volume", "boards", "collision", "texture"  # rooms that a build enters when parts are known
 
 
 @dataclass(frozen=True)
@@ -26,6 +27,11 @@ class Kernel:
     def line(self) -> str:
         """One line that tells it."""
         return f"{self.module} {self.name} {self.types}"
+
+    @property
+    def late(self) -> bool:
+        """Whether a build calls it half of its time after it began, or later."""
+        return self.module.split(".")[1] in LATE
 
 
 def read(line: str) -> Kernel:

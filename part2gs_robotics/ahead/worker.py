@@ -1,11 +1,13 @@
 """Worker: a process that compiles kernels, `python -m part2gs_robotics.ahead.worker`.
 
-Reads a kernel per line and answers each with a line: "kept", or what is wrong.
+Reads a kernel per line and answers each with a line: "kept", or what is wrong. With `--idle` it
+takes what other processes leave of a core.
 """
 
 from __future__ import annotations
 
 import gc
+import os
 import sys
 from importlib import import_module
 from typing import TextIO
@@ -14,6 +16,8 @@ from part2gs_robotics.ahead.listed import Kernel, read
 
 # objects made before Python looks for rings of them: compilers make few, and looking took a fifth
 COLLECT_AFTER = 200_000, 20, 1000
+IDLE = "--idle"
+LEAST = 19  # nice value: the least share of a core that Linux gives
 
 
 def serve(asked: TextIO, answers: TextIO) -> None:
@@ -36,4 +40,6 @@ def compiled(kernel: Kernel) -> str:
 
 if __name__ == "__main__":
     gc.set_threshold(*COLLECT_AFTER)
+    if IDLE in sys.argv and hasattr(os, "nice"):
+        os.nice(LEAST)
     serve(sys.stdin, sys.stdout)

@@ -120,7 +120,7 @@ def _cores(proofs: NDArray[np.bool_], graph: Graph) -> NDArray[np.bool_]:
 
 def _core(proofs: NDArray[np.bool_], graph: Graph) -> NDArray[np.bool_]:
     """Return the proofs amid proofs; a part that has no wide patch of them keeps narrow ones."""
-    fewest = KEPT * proofs.sum()
+    proofs, fewest = np.ascontiguousarray(proofs), KEPT * proofs.sum()  # one kernel for both
     for _ in range(SHELLS):
         inner = np.zeros_like(proofs)
         _amid(proofs, graph.neighbors, AGREED, inner)

@@ -132,7 +132,7 @@ def ways_from(surface: csr_matrix, starts: Mask, reach: float, lag: float = np.i
     return np.ascontiguousarray(out.T)
 
 
-@kernel
+@inlined
 def _lift(heap: NDArray[np.int32], keys: F64, size: int, node: int, key: float) -> None:
     """Put a node into a heap of `size`, the nearest first."""
     at = size
@@ -142,7 +142,7 @@ def _lift(heap: NDArray[np.int32], keys: F64, size: int, node: int, key: float) 
     heap[at], keys[at] = node, key
 
 
-@kernel
+@inlined
 def _sink(heap: NDArray[np.int32], keys: F64, size: int) -> None:
     """Move the last of `size` + 1 to the place of the first, which was taken."""
     node, key, at = heap[size], keys[size], 0

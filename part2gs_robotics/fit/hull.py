@@ -194,7 +194,7 @@ def _vote_at(v: int, points: Floats, cams: Floats, dist: Floats, inside: NDArray
         inside[v, i] = d > 0.0
 
 
-@kernel
+@inlined
 def _look(cam: Floats, dist: Floats, x: float, y: float, z: float) -> tuple[float, float]:
     """Return (signed pixel distance, -1e6 unseen; z-depth) of a point in one view."""
     w = cam[2, 0] * x + cam[2, 1] * y + cam[2, 2] * z + cam[2, 3]
@@ -214,7 +214,7 @@ def _look(cam: Floats, dist: Floats, x: float, y: float, z: float) -> tuple[floa
     return top * (1 - fv) + low * fv, w
 
 
-@kernel
+@inlined
 def _hull_distance(cams: Floats, dist: Floats, focal: Floats, x: float, y: float, z: float,
                    votes: int, floor: float, low: Floats) -> float:
     """Return the votes-th smallest signed distance over the seeing views; any value < floor."""
@@ -246,8 +246,11 @@ def _carve_blocks(values: Floats, first: Floats, voxel: float, cams: Floats, dis
     bx, by, bz = (nx + BLOCK - 1) // BLOCK, (ny + BLOCK - 1) // BLOCK, (nz + BLOCK - 1) // BLOCK
     focal = np.zeros(len(cams))
     for v in range(len(cams)):  # |row 0| of K [R|t] mixes f and cx; f = its part across row 2
-        a, c = cams[v, 0, :3], cams[v, 2, :3]
-        focal[v] = np.sqrt(max((a * a).sum() - (a * c).sum() ** 2, 1e-12))
+        whole, along = 0.0, 0.0  # sums of array expressions take a second to compile
+        for k in range(3):
+            whole += cams[v, 0, k] * cams[v, 0, k]
+            along += cams[v, 0, k] * cams[v, 2, k]
+        focal[v] = np.sqrt(max(whole - along * along, 1e-12))
     band = BAND * voxel
     reach = 0.5 * np.sqrt(3.0) * BLOCK * voxel + band
     for_each(bx * by * bz, _carve_blocks_at, (values, first, voxel, cams, dist, votes, nx, ny, nz,

@@ -79,7 +79,7 @@ def point_colors(hull: Hull, state: StateViews, points: F64, normals: F64,
     return colors, spread
 
 
-@kernel
+@inlined
 def _blocked(values: Floats, lo: Floats, voxel: float, x: float, y: float, z: float, dx: float,
              dy: float, dz: float) -> bool:
     """March from a point along a unit direction; True when the hull is met again."""
@@ -95,6 +95,18 @@ def _blocked(values: Floats, lo: Floats, voxel: float, x: float, y: float, z: fl
         if d > 0.25 * voxel:  # a quarter voxel forgives lines that graze the start's own surface
             return True
         t += max(-d, 0.7 * voxel)
+
+
+@inlined
+def _median(values: Floats, count: int) -> float:
+    """Return the median of the first values, sorted in place; Numba's takes a second to compile."""
+    for one in range(1, count):
+        value, slot = values[one], one
+        while slot > 0 and values[slot - 1] > value:
+            values[slot] = values[slot - 1]
+            slot -= 1
+        values[slot] = value
+    return 0.5 * (values[(count - 1) // 2] + values[count // 2])
 
 
 @kernel
@@ -136,8 +148,9 @@ def _colors_at(n: int, values: Floats, lo: Floats, voxel: float, points: Floats,
         return
     total = 0.0
     for k in range(3):
-        middle = np.median(found[:count, k])
-        colors[n, k] = middle / np.float32(255)
-        total += np.abs(found[:count, k] - middle).mean() / 255.0
+        middle = _median(found[:, k], count)
+        colors[n, k] = middle / 255.0
+        for one in range(count):
+            total += abs(found[one, k] - middle) / (255.0 * count)
     if count >= 2:
         spread[n] = total / 3.0

@@ -84,7 +84,7 @@ def _add_channels(s: Floats, channels: Floats, extra: Floats, i: int, first: np.
         store(s, row * STRIDE + REST, rest)
 
 
-@kernel
+@inlined
 def _gradient_tile(pairs: Ints, start: int, end: int, packed: Floats,
                    extra: Floats, px: int, py: int, ramp: Floats, s: Floats, channels: Floats,
                    partial: Floats, width: int) -> None:

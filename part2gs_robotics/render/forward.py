@@ -83,7 +83,7 @@ def clear(s: Floats, stride: np.uint64) -> None:
             s[y * int(stride) + x] = 1 if x < LANES else 0
 
 
-@kernel
+@inlined
 def _blend_tile(pairs: Ints, start: int, end: int, packed: Floats, extra: Floats, px: int,
                 py: int, ramp: Floats, s: Floats, channels: Floats) -> int:
     """Blend a tile's Gaussians into its planes; return how many were needed."""

@@ -36,16 +36,18 @@ def grow(normals: F64, areas: F64, beside: I64, order: I64, taken: NDArray[np.bo
     for first in order:
         if taken[first] or chart[first] >= 0:
             continue
-        way = normals[first].copy()
+        dx, dy, dz = normals[first, 0], normals[first, 1], normals[first, 2]
         for told in range(2):  # what is flat tells the direction; then all that faces it
             least = flat if told == 0 else steepest
-            mean, top = np.zeros(3), 1
+            mx, my, mz, top = 0.0, 0.0, 0.0, 1
             stack[0] = first
             mark[first] = 2 * count + told
             while top > 0:
                 top -= 1
                 face = stack[top]
-                mean += areas[face] * normals[face]
+                mx += areas[face] * normals[face, 0]  # a sum of arrays takes seconds to compile
+                my += areas[face] * normals[face, 1]
+                mz += areas[face] * normals[face, 2]
                 if told == 1:
                     chart[face] = count
                 for side in range(3):
@@ -54,16 +56,18 @@ def grow(normals: F64, areas: F64, beside: I64, order: I64, taken: NDArray[np.bo
                         continue
                     if mark[other] == 2 * count + told:
                         continue
-                    n = normals[other]
-                    none = n[0] == 0.0 and n[1] == 0.0 and n[2] == 0.0
-                    if none or n[0] * way[0] + n[1] * way[1] + n[2] * way[2] >= least:
+                    x, y, z = normals[other, 0], normals[other, 1], normals[other, 2]
+                    none = x == 0.0 and y == 0.0 and z == 0.0
+                    if none or x * dx + y * dy + z * dz >= least:
                         mark[other] = 2 * count + told
                         stack[top] = other
                         top += 1
-            length = np.sqrt((mean * mean).sum())
-            if told == 0:
-                way = mean / length if length > 0.0 else np.array([0.0, 0.0, 1.0])
-        ways[count] = way
+            length = np.sqrt(mx * mx + my * my + mz * mz)
+            if told == 0 and length > 0.0:
+                dx, dy, dz = mx / length, my / length, mz / length
+            elif told == 0:
+                dx, dy, dz = 0.0, 0.0, 1.0
+        ways[count, 0], ways[count, 1], ways[count, 2] = dx, dy, dz
         count += 1
     return ways[:count]
 

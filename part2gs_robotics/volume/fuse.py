@@ -130,7 +130,7 @@ def _windows(coded: F32, radius: int) -> tuple[F32, F32]:
     return nearest, farthest
 
 
-@kernel
+@inlined
 def _add_distance(signed: float, slope: float, own: bool, trunc: float, voxel: float,
                   sums: F32) -> None:
     """Add a distance from the surface that a view sees, positive in front of it."""
@@ -148,7 +148,7 @@ def _add_distance(signed: float, slope: float, own: bool, trunc: float, voxel: f
         sums[3] += weight
 
 
-@kernel
+@inlined
 def _add_voxel(p: F64, m: F64, depth: F32, labels: NDArray[np.uint8], facing: F32, part: int,
                trunc: float, voxel: float, sums: F32, x: int, y: int, z: int) -> None:
     """Add what one view says about one voxel centre p."""
@@ -186,7 +186,7 @@ def _add_voxel(p: F64, m: F64, depth: F32, labels: NDArray[np.uint8], facing: F3
     _add_distance((seen - w) * slope, slope, own, trunc, voxel, sums[:, x, y, z])
 
 
-@kernel
+@inlined
 def _block_view(p: F64, m: F64, nearest: F32, farthest: F32, labels: NDArray[np.uint8], part: int,
                 trunc: float, reach: float) -> int:
     """Return 4 hidden by the part, 5 by another, 6 free, 7 background, -1 ask voxel by voxel."""

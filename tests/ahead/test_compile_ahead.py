@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+import threading
 from collections.abc import Iterator
 from dataclasses import replace
 from importlib import import_module
@@ -16,11 +17,12 @@ from numba.core import sigutils
 
 from part2gs_robotics.ahead import compile_ahead as room
 from part2gs_robotics.ahead.listed import Kernel, listed, read
-from part2gs_robotics.ahead.worker import serve
+from part2gs_robotics.ahead.worker import IDLE, serve
 from part2gs_robotics.runtime import jit, jit_cache
 from part2gs_robotics.runtime.threads import in_threads
 
 FEW = [one for one in listed() if one.name in ("add_up", "depth_keys", "set_cursors", "share_out")]
+LATE = [one for one in listed() if one.name in ("renumber", "gains")]
 CALL = ("import numpy as np\nfrom part2gs_robotics.runtime.jit_cache import compile_seconds\n"
         "from part2gs_robotics.render.tiles import add_up\n"
         "add_up(np.arange(3))\nprint(compile_seconds())")
@@ -87,6 +89,39 @@ def test_a_build_finds_what_other_processes_compiled(folder: Path,
     done = subprocess.run([sys.executable, "-c", CALL], check=True, text=True, capture_output=True)
     assert float(done.stdout) == 0.0
     assert room.compile_ahead() == 0  # once
+
+
+def test_kernels_of_late_rooms_follow_while_a_build_goes_on(
+        folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    few(monkeypatch, [*LATE, *FEW])
+    before = set(threading.enumerate())
+    assert room.compile_ahead() == len(FEW)
+    for thread in set(threading.enumerate()) - before:
+        thread.join(60)
+    assert all(one.late and jit.kept(one.module, one.name) for one in LATE)
+    assert not room.missing()
+
+
+def test_a_build_does_not_wait_for_another_that_compiles_for_late_rooms(
+        folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    few(monkeypatch, [*LATE, *FEW])
+    with jit_cache.alone_in(jit_cache.kept_in() / room.LATER):
+        before = set(threading.enumerate())
+        assert room.compile_ahead() == len(FEW)
+        assert room.missing() == LATE
+    for thread in set(threading.enumerate()) - before:
+        thread.join(60)
+    assert not room.missing()
+
+
+def test_what_follows_leaves_the_cores_to_others() -> None:
+    command = [sys.executable, "-m", "part2gs_robotics.ahead.worker", IDLE]
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as one:
+        assert one.stdin is not None
+        assert one.stdout is not None
+        print(replace(FEW[0], module="no.such").line, file=one.stdin, flush=True)
+        one.stdout.readline()
+        assert os.getpriority(os.PRIO_PROCESS, one.pid) == 19
 
 
 def test_what_cannot_be_compiled_is_told_and_the_rest_is(
