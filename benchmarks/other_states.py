@@ -3,8 +3,8 @@
     python benchmarks/other_states.py --kit PATH [--objects NAME ...]
 
 The kit's states open everything. Here some parts close while others open, some move little, some
-not at all. Rendering and scoring are the kit's, as in reconstruction_suite.py; objects that are not
-run keep their rows.
+not at all, and drawers come out alike. Rendering and scoring are the kit's, as in
+reconstruction_suite.py; objects that are not run keep their rows.
 """
 
 from __future__ import annotations
@@ -42,6 +42,15 @@ STATES: dict[str, tuple[str, dict[str, tuple[float, float]]]] = {
     "drawers_uneven": (
         "libero_wooden_cabinet",
         {"top_level": (-0.01, -0.04), "middle_level": (-0.09, -0.02), "bottom_level": (0.0, -0.1)}),
+    "drawers_alike": (
+        "libero_wooden_cabinet",
+        {"top_level": (0.0, -0.1), "middle_level": (0.0, -0.1), "bottom_level": (0.0, -0.1)}),
+    "two_drawers_alike": (
+        "sektion_cabinet", {"drawer_top_joint": (0.0, 0.25), "drawer_bottom_joint": (0.0, 0.25)}),
+    "desk_alike": (
+        "pm_32761_table", {f"joint_{n}": (0.0, 0.2) for n in range(4)}),
+    "table_alike": (
+        "pm_31249_table", {"joint_0": (0.0, 0.25), "joint_1": (0.0, 0.25)}),
 }
 
 

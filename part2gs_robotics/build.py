@@ -222,8 +222,8 @@ class _Corridor:
         def compute() -> tuple[Motion, tuple[Part, ...]]:
             from part2gs_robotics.mesh.real_parts import build_existing
 
-            both = self._canonical(gaussians)
-            return build_existing(both.scene, both.gaussians, motion, settings)
+            both, asked = self._canonical(gaussians), self.config.articulate.parts
+            return build_existing(both.scene, both.gaussians, motion, settings, asked)
 
         motion, parts = self._stage(
             "04_mesh", key, compute, save_built, load_built,

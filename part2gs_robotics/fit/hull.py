@@ -246,11 +246,9 @@ def _carve_blocks(values: Floats, first: Floats, voxel: float, cams: Floats, dis
     bx, by, bz = (nx + BLOCK - 1) // BLOCK, (ny + BLOCK - 1) // BLOCK, (nz + BLOCK - 1) // BLOCK
     focal = np.zeros(len(cams))
     for v in range(len(cams)):  # |row 0| of K [R|t] mixes f and cx; f = its part across row 2
-        whole, along = 0.0, 0.0  # sums of array expressions take a second to compile
-        for k in range(3):
-            whole += cams[v, 0, k] * cams[v, 0, k]
-            along += cams[v, 0, k] * cams[v, 2, k]
-        focal[v] = np.sqrt(max(whole - along * along, 1e-12))
+        a, c = cams[v, 0], cams[v, 2]
+        along = a[0] * c[0] + a[1] * c[1] + a[2] * c[2]
+        focal[v] = np.sqrt(max(a[0] ** 2 + a[1] ** 2 + a[2] ** 2 - along**2, 1e-12))
     band = BAND * voxel
     reach = 0.5 * np.sqrt(3.0) * BLOCK * voxel + band
     for_each(bx * by * bz, _carve_blocks_at, (values, first, voxel, cams, dist, votes, nx, ny, nz,

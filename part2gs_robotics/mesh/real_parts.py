@@ -10,25 +10,32 @@ from numpy.typing import NDArray
 
 from part2gs_robotics.config import MeshConfig
 from part2gs_robotics.errors import EmptyPartError
+from part2gs_robotics.mesh.bodies import parted, two_bodies
 from part2gs_robotics.mesh.build_parts import build_parts
 from part2gs_robotics.model.gaussians import Gaussians
 from part2gs_robotics.model.motion import FAILED, Motion, without_part
 from part2gs_robotics.model.scene import Scene
-from part2gs_robotics.model.solids import to_manifold
 from part2gs_robotics.model.twin import Part
 
 logger = logging.getLogger(__name__)
 TOLD = 5e-4  # of a part's volume: rounds to 0.1 %
-BODY = 0.25  # of its volume: of 18 parts in five twins 0.19 at most, two in one 0.38 and 0.46
 CRUMB = 0.25  # of its Gaussians' extent: 96 solids have 0.54 at least, a reflection's had 0.03
 
 
 def build_existing(scene: Scene, gaussians: tuple[Gaussians, Gaussians], motion: Motion,
-                   config: MeshConfig) -> tuple[Motion, tuple[Part, ...]]:
-    """Build the parts that have a solid; see `build_parts`.
+                   config: MeshConfig, asked: int | None = None,
+                   ) -> tuple[Motion, tuple[Part, ...]]:
+    """Build the parts that have a solid; see `build_parts`. A part in two bodies becomes two.
 
-    A part without one fails, and with it what it carries: a note says so, its joint is kept in
+    A part without a solid fails, and with it what it carries: a note says so, its joint is kept in
     `Motion.unbuilt`, and the build ends with exit code 1.
+
+    Args:
+        scene: as of `build_parts`.
+        gaussians: as of `build_parts`.
+        motion: as of `build_parts`.
+        config: as of `build_parts`.
+        asked: number of moving parts, if it was given.
 
     Returns:
         The motion without parts that failed, and its parts.
@@ -36,12 +43,22 @@ def build_existing(scene: Scene, gaussians: tuple[Gaussians, Gaussians], motion:
     Raises:
         MeshError: the base has no solid.
     """
+    found, parts = _with_solids(scene, gaussians, motion, config)
+    alike = parted(gaussians, found, parts, asked)
+    if alike is not found:
+        found, parts = _with_solids(scene, gaussians, alike, config)
+    notes = *found.notes, *_yielded(parts), *two_bodies(parts)
+    return replace(found, notes=notes), parts
+
+
+def _with_solids(scene: Scene, gaussians: tuple[Gaussians, Gaussians], motion: Motion,
+                 config: MeshConfig) -> tuple[Motion, tuple[Part, ...]]:
+    """Return the motion of those parts that have a solid, and them."""
     while True:
         try:
             parts = build_parts(scene, gaussians, motion, config)
             require_bodies(parts, gaussians, motion)
-            notes = *motion.notes, *_yielded(parts), *two_bodies(parts)
-            return replace(motion, notes=notes), parts
+            return motion, parts
         except EmptyPartError as err:
             if err.part == 0:
                 raise
@@ -54,23 +71,6 @@ def _yielded(parts: tuple[Part, ...]) -> list[str]:
             if (share := part.diagnostics["yielded"]) >= TOLD]
     return [f"In the way of motion that was observed, and cut away: {', '.join(told)}, by volume."
             ] if told else []
-
-
-def two_bodies(parts: tuple[Part, ...]) -> list[str]:
-    """Return a note of every moving part in two bodies; nothing that photos show makes it one.
-
-    Two parts that look alike and move nearly alike explain the photos nearly as well as one.
-    """
-    notes = []
-    for part in parts[1:]:
-        sizes = np.array([float(body.volume()) for body in to_manifold(part.mesh).decompose()])
-        shares = np.sort(sizes[sizes > 0])[::-1] / max(sizes.sum(), 1e-300)
-        if len(shares) > 1 and shares[1] >= BODY:
-            notes.append(f"{part.name} is two bodies or more, the largest with {shares[0]:.0%} and "
-                         f"{shares[1]:.0%} of its volume, and no photo shows what holds them "
-                         "together: it may be two parts that look alike and move nearly alike. "
-                         "Look at it; --parts with one more parts them if photos can.")
-    return notes
 
 
 def _without(motion: Motion, part: int, why: str) -> Motion:
