@@ -62,14 +62,20 @@ def grow(normals: F64, areas: F64, beside: I64, order: I64, taken: NDArray[np.bo
                         mark[other] = 2 * count + told
                         stack[top] = other
                         top += 1
-            length = np.sqrt(mx * mx + my * my + mz * mz)
-            if told == 0 and length > 0.0:
-                dx, dy, dz = mx / length, my / length, mz / length
-            elif told == 0:
-                dx, dy, dz = 0.0, 0.0, 1.0
+            if told == 0:
+                dx, dy, dz = _unit(mx, my, mz)
         ways[count, 0], ways[count, 1], ways[count, 2] = dx, dy, dz
         count += 1
     return ways[:count]
+
+
+@inlined
+def _unit(x: float, y: float, z: float) -> tuple[float, float, float]:
+    """Return a vector of length 1, upwards where it had none."""
+    length = np.sqrt(x * x + y * y + z * z)
+    if length > 0.0:
+        return x / length, y / length, z / length
+    return 0.0, 0.0, 1.0
 
 
 @inlined
