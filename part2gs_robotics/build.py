@@ -171,8 +171,7 @@ class _Corridor:
 
     def _fit(self, index: int) -> tuple[Fitted, str]:
         state = self.scene.states[index]
-        # The device is part of the key: CPU builds repeat bit for bit, and a CPU build that went on
-        # from Gaussians of a GPU would not.
+        # The device is in the key: CPU builds repeat bit for bit, not from a GPU's Gaussians.
         fit, stereo = self.config.fit, self.config.stereo
         key = hash_of("fit", self.code, asdict(fit), asdict(stereo), *parts_of_key(state))
 
@@ -220,10 +219,12 @@ class _Corridor:
         settings, key = self.config.mesh, hash_of("mesh", asdict(self.config.mesh), key)
 
         def compute() -> tuple[Motion, tuple[Part, ...]]:
+            from part2gs_robotics.joints.alike import each_aligned
             from part2gs_robotics.mesh.real_parts import build_existing
 
             both, asked = self._canonical(gaussians), self.config.articulate.parts
-            return build_existing(both.scene, both.gaussians, motion, settings, asked)
+            return build_existing(both.scene, both.gaussians, motion, settings, asked,
+                                  lambda found: each_aligned(both, found, self.config.search))
 
         motion, parts = self._stage(
             "04_mesh", key, compute, save_built, load_built,
@@ -291,8 +292,7 @@ class _Corridor:
         if (compiled := compile_seconds() - compiled) > COMPILE_WORTH_A_WORD:
             logger.info("%s: %.1f s of it compiled kernels for this machine, kept in %s",
                         name[3:], compiled, kept_in())
-        self._done(name[3:], time.monotonic() - began, number(result),
-                   name in self.store.resumed)
+        self._done(name[3:], time.monotonic() - began, number(result), name in self.store.resumed)
         return result
 
     def _done(self, name: str, seconds: float, number: str, resumed: bool = False) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -24,6 +25,7 @@ CRUMB = 0.25  # of its Gaussians' extent: 96 solids have 0.54 at least, a reflec
 
 def build_existing(scene: Scene, gaussians: tuple[Gaussians, Gaussians], motion: Motion,
                    config: MeshConfig, asked: int | None = None,
+                   aligned: Callable[[Motion], Motion] | None = None,
                    ) -> tuple[Motion, tuple[Part, ...]]:
     """Build the parts that have a solid; see `build_parts`. A part in two bodies becomes two.
 
@@ -36,6 +38,7 @@ def build_existing(scene: Scene, gaussians: tuple[Gaussians, Gaussians], motion:
         motion: as of `build_parts`.
         config: as of `build_parts`.
         asked: number of moving parts, if it was given.
+        aligned: returns a motion some of whose parts share a joint with one for each of them.
 
     Returns:
         The motion without parts that failed, and its parts.
@@ -46,6 +49,7 @@ def build_existing(scene: Scene, gaussians: tuple[Gaussians, Gaussians], motion:
     found, parts = _with_solids(scene, gaussians, motion, config)
     alike = parted(gaussians, found, parts, asked)
     if alike is not found:
+        alike = aligned(alike) if aligned else alike
         found, parts = _with_solids(scene, gaussians, alike, config)
     notes = *found.notes, *_yielded(parts), *two_bodies(parts)
     return replace(found, notes=notes), parts
