@@ -1,20 +1,24 @@
 """Bodies: a moving part in two bodies is two parts that moved alike, by as much and as far.
 
 Who photographs a chest shut and then with every drawer pulled out as far as it goes shows one
-motion of many drawers. No photo tells them from one part then; that nothing joins them does.
+motion of many drawers. No photo tells them from one part then. That nothing joins them does, or
+where they touch, that their fronts repeat.
 """
 
 from __future__ import annotations
 
 import logging
+from dataclasses import replace
 
 import numpy as np
 
-from part2gs_robotics.model.arrays import F64, I64, Mask
+from part2gs_robotics.mesh.fronts import Units, units_of
+from part2gs_robotics.model.arrays import F64, I64
 from part2gs_robotics.model.gaussians import Gaussians
 from part2gs_robotics.model.joint import Joint
 from part2gs_robotics.model.kinematics import chain
 from part2gs_robotics.model.motion import Motion, with_part
+from part2gs_robotics.model.scene import Scene
 from part2gs_robotics.model.se3 import apply, inverse
 from part2gs_robotics.model.solids import sprinkled, to_manifold
 from part2gs_robotics.model.twin import Part, PartMesh
@@ -24,11 +28,12 @@ COVERED = 0.5  # of the smaller trace: a drawer's back has all, another drawer n
 logger = logging.getLogger(__name__)
 
 
-def parted(gaussians: tuple[Gaussians, Gaussians], motion: Motion, parts: tuple[Part, ...],
-           most: int | None = None) -> Motion:
+def parted(scene: Scene, gaussians: tuple[Gaussians, Gaussians], motion: Motion,
+           parts: tuple[Part, ...], most: int | None = None) -> Motion:
     """Return the motion with a part for every body of its moving parts.
 
     Args:
+        scene: posed images of both states.
         gaussians: of both states.
         motion: part identities and joints.
         parts: built by it, base first.
@@ -37,23 +42,42 @@ def parted(gaussians: tuple[Gaussians, Gaussians], motion: Motion, parts: tuple[
     new = motion
     for k, part in enumerate(parts[1:], 1):
         bodies = _bodies(part.mesh, motion.joints[k - 1])
-        if len(bodies) < 2 or len(new.joints) + len(bodies) - 1 > (most or np.inf):
+        units = None if len(bodies) > 1 else _units(scene, motion, parts, k)
+        count = len(units.cuts) + 1 if units and units.alike else len(bodies)
+        if count < 2 or len(new.joints) + count - 1 > (most or np.inf):
             continue
-        bodies = _first_with_children(bodies, parts, motion, k)
-        nearest = [_nearest(bodies, cloud) for cloud in _at_state_0(gaussians, motion, k)]
-        first = len(new.joints) + 1
-        for body in range(1, len(bodies)):
-            own: tuple[Mask, Mask] = nearest[0] == body, nearest[1] == body
-            new = with_part(new, k, own, _told(k, first, len(bodies)) if body == 1 else "")
-        logger.info("part %d is %d bodies that nothing joins: as many parts", k, len(bodies))
+        clouds = (*_at_state_0(gaussians, motion, k), _carried(parts, motion, k))
+        sorted_ = [units.of(cloud) if units else _nearest(bodies, cloud) for cloud in clouds]
+        # What carries a part keeps its number: parents come before children.
+        home = np.bincount(sorted_[2], minlength=count).argmax()
+        others = [body for body in range(count) if body != home]
+        new = replace(new, notes=(*new.notes, _told(k, len(new.joints) + 1, count)))
+        for body in others:
+            new = with_part(new, k, (sorted_[0] == body, sorted_[1] == body))
+        logger.info("part %d is %d bodies that nothing joins: as many parts", k, count)
     return new
+
+
+def _units(scene: Scene, motion: Motion, parts: tuple[Part, ...], part: int) -> Units | None:
+    values = [joint.value for joint in motion.joints]
+    there = chain(part, motion.joints, motion.parents, values)
+    return units_of(parts[part].mesh, motion.joints[part - 1], scene.states, (np.eye(4), there))
+
+
+def lined(scene: Scene, motion: Motion, parts: tuple[Part, ...]) -> list[str]:
+    """Return a note of every part whose front lines divide from edge to edge."""
+    found = [(parts[k].name, units) for k in range(1, len(parts))
+             if (units := _units(scene, motion, parts, k))]
+    return [f"Lines from edge to edge divide the front of {name} into {len(units.cuts) + 1}. If "
+            "these are parts of their own that moved alike, photograph them open by different "
+            "amounts: then each is found." for name, units in found]
 
 
 def _told(part: int, first: int, count: int) -> str:
     names = ", ".join(f"part_{k}" for k in range(first, first + count - 1))
     return (f"part_{part} and {names} moved alike between the states, in one direction by one "
-            "amount. Photos cannot tell such parts from one; as nothing joins their bodies, each "
-            "is a part.")
+            "amount. Photos cannot tell such parts from one; as nothing joins their bodies, or "
+            "their fronts look alike between lines from edge to edge, each is a part.")
 
 
 def _bodies(mesh: PartMesh, joint: Joint) -> list[F64]:
@@ -93,15 +117,10 @@ def _across(points: F64, joint: Joint) -> F64:
     return np.asarray(off @ null_space(joint.axis[None]))
 
 
-def _first_with_children(bodies: list[F64], parts: tuple[Part, ...], motion: Motion,
-                         part: int) -> list[F64]:
-    """Return the bodies, first the one that carries what the part carries: it keeps the number."""
-    carried = [parts[k].mesh.vertices for k, parent in enumerate(motion.parents, 1)
-               if parent == part]
-    if not carried:
-        return bodies
-    home = int(np.bincount(_nearest(bodies, np.concatenate(carried))).argmax())
-    return [bodies[home], *bodies[:home], *bodies[home + 1:]]
+def _carried(parts: tuple[Part, ...], motion: Motion, part: int) -> F64:
+    """Return [N, 3] vertices of what a part carries, none where it carries nothing."""
+    own = [parts[k].mesh.vertices for k, parent in enumerate(motion.parents, 1) if parent == part]
+    return np.concatenate([np.zeros((0, 3)), *own])
 
 
 def _nearest(bodies: list[F64], points: F64) -> I64:

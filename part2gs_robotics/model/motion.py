@@ -91,14 +91,13 @@ def without_part(motion: Motion, part: int, note: str) -> Motion:
         notes=(*motion.notes, note), unbuilt=(*motion.unbuilt, motion.joints[part - 1]))
 
 
-def with_part(motion: Motion, part: int, own: tuple[Mask, Mask], note: str = "") -> Motion:
+def with_part(motion: Motion, part: int, own: tuple[Mask, Mask]) -> Motion:
     """Return the motion with one more part, the last, which moves as another does.
 
     Args:
         motion: with the other part.
         part: that one, 1..K.
         own: per state, [N_s] which Gaussians the new part takes of what the other has.
-        note: why, worth reporting; empty = nothing to say.
     """
     probs = []
     for old, mine in zip(motion.part_probs, own, strict=True):
@@ -108,5 +107,4 @@ def with_part(motion: Motion, part: int, own: tuple[Mask, Mask], note: str = "")
     return replace(
         motion, part_probs=(probs[0], probs[1]), joints=(*motion.joints, motion.joints[part - 1]),
         parents=(*motion.parents, motion.parents[part - 1]),
-        diagnostics=(*motion.diagnostics, *motion.diagnostics[part - 1:part]),
-        notes=(*motion.notes, *([note] if note else [])))
+        diagnostics=(*motion.diagnostics, *motion.diagnostics[part - 1:part]))

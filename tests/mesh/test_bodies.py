@@ -79,18 +79,19 @@ def test_two_drawers_pulled_out_alike_are_two_parts():
 def test_a_drawers_back_goes_with_its_front_though_no_floor_was_seen():
     front, back = (0.0, -0.2, 0.03), (0.1, -0.18, 0.05)
     base, part = parts_with(box(front, (0.05, 0.2, 0.18)), box(back, (0.14, 0.18, 0.16)))
-    _, gaussians, one, _ = alike(UPPER, LOWER)
-    assert parted(gaussians, one, (base, part)) is one
+    scene, gaussians, one, _ = alike(UPPER, LOWER)
+    assert parted(scene, gaussians, one, (base, part)) is one
     beside = replace(one, joints=(replace(SLIDE, axis=np.array([0.0, 0.0, 1.0])),))
-    assert len(parted(gaussians, beside, (base, part)).joints) == 2  # upwards they are two
+    assert len(parted(scene, gaussians, beside, (base, part)).joints) == 2  # upwards they are two
 
 
 @pytest.mark.parametrize(("axis", "parts"), [((0.0, 0.0, 1.0), 2), ((0.0, 1.0, 0.0), 1)])
 def test_doors_one_above_the_other_on_one_hinge_line_are_two(axis, parts):
-    _, gaussians, one, _ = alike(UPPER, LOWER)
+    scene, gaussians, one, _ = alike(UPPER, LOWER)
     hinge = Joint("revolute", np.array(axis), np.array([0.0, -0.2, 0.0]), 0.5)
     base, part = parts_with(box(*UPPER), box(*LOWER))
-    assert len(parted(gaussians, replace(one, joints=(hinge,)), (base, part)).joints) == parts
+    turning = replace(one, joints=(hinge,))
+    assert len(parted(scene, gaussians, turning, (base, part)).joints) == parts
 
 
 def test_a_knob_before_its_drawer_is_no_part():
@@ -102,21 +103,22 @@ def test_a_knob_before_its_drawer_is_no_part():
 
 @pytest.mark.parametrize(("asked", "parts"), [(1, 1), (2, 2), (3, 2), (None, 2)])
 def test_a_number_of_parts_that_was_given_is_kept_to(asked, parts):
-    _, gaussians, one, _ = alike(UPPER, LOWER)
+    scene, gaussians, one, _ = alike(UPPER, LOWER)
     base, part = parts_with(box(*UPPER), box(*LOWER))
-    assert len(parted(gaussians, one, (base, part), asked).joints) == parts
+    assert len(parted(scene, gaussians, one, (base, part), asked).joints) == parts
 
 
 @pytest.mark.parametrize("home", [UPPER, LOWER])
 def test_what_a_part_carries_stays_on_the_body_that_it_hangs_at(home):
-    _, gaussians, motion = two_states([BODY, UPPER, LOWER, KNOB], [SLIDE] * 3, parents=(0, 0, 1))
+    boxes = [BODY, UPPER, LOWER, KNOB]
+    scene, gaussians, motion = two_states(boxes, [SLIDE] * 3, parents=(0, 0, 1))
     probs = [np.stack([p[:, 0], p[:, 1:3].sum(1), p[:, 3]], 1) for p in motion.part_probs]
     one = replace(motion, part_probs=(probs[0], probs[1]), joints=motion.joints[:2], parents=(0, 1),
                   diagnostics=motion.diagnostics[:2])
     base, part = parts_with(box(*UPPER), box(*LOWER))
     middle = (home[0] + home[1]) / 2
     knob = replace(part, name="part_2", mesh=to_mesh(box(middle - 0.01, middle + 0.01)))
-    more = parted(gaussians, one, (base, part, knob))
+    more = parted(scene, gaussians, one, (base, part, knob))
     assert more.parents == (0, 1, 0)
     own = np.concatenate([gaussians[0].means[more.labels(0) == 1]])
     assert (own[:, 2].mean() > 0) == (home is UPPER)
