@@ -12,7 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from part2gs_robotics.mesh.fronts import Units, units_of
+from part2gs_robotics.boards.fronts import Units, units_of
 from part2gs_robotics.model.arrays import F64, I64
 from part2gs_robotics.model.gaussians import Gaussians
 from part2gs_robotics.model.joint import Joint

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from synth import box, toy_cabinet_twin
 
+from part2gs_robotics.boards.fronts import SIDE, units_of
 from part2gs_robotics.mesh.bodies import lined, parted
-from part2gs_robotics.mesh.fronts import SIDE, units_of
 from part2gs_robotics.model.gaussians import Gaussians
 from part2gs_robotics.model.joint import Joint
 from part2gs_robotics.model.motion import Motion
@@ -88,7 +88,7 @@ def test_two_alike_with_a_line_between_are_two():
 
 
 def test_a_gap_that_photos_show_here_and_there_is_one_where_the_others_are_whole():
-    found = units([(0.25, 0.7), (0.5, 1.0), (0.75, 1.0)], [0.08, 0.33, 0.58, 0.83])
+    found = units([(0.25, 0.45), (0.5, 1.0), (0.75, 1.0)], [0.08, 0.33, 0.58, 0.83])
     assert found.alike
     assert heights(found) == pytest.approx([0.25, 0.5, 0.75], abs=0.01)
 
