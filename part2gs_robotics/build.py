@@ -224,7 +224,7 @@ class _Corridor:
 
             both, asked = self._canonical(gaussians), self.config.articulate.parts
             return build_existing(both.scene, both.gaussians, motion, settings, asked,
-                                  lambda found: each_aligned(both, found, self.config.search))
+                                  lambda found: each_aligned(both, found, self.config))
 
         motion, parts = self._stage(
             "04_mesh", key, compute, save_built, load_built,

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from part2gs_robotics.config import SearchConfig
+from part2gs_robotics.config import Config
 from part2gs_robotics.evidence.canonical import Canonical
 from part2gs_robotics.joints.align import COARSE, FINE, AlignmentProblem, align, judged
 from part2gs_robotics.model.kinematics import chain
@@ -14,7 +14,7 @@ from part2gs_robotics.model.motion import Motion
 from part2gs_robotics.model.small_views import both_small
 
 
-def each_aligned(both: Canonical, motion: Motion, search: SearchConfig) -> Motion:
+def each_aligned(both: Canonical, motion: Motion, config: Config) -> Motion:
     """Return the motion with a joint for every part, of parts that share one.
 
     Two drawers pulled out by nearly the same amount were found as one slide, between theirs. Each
@@ -23,14 +23,16 @@ def each_aligned(both: Canonical, motion: Motion, search: SearchConfig) -> Motio
     Args:
         both: states, comparable.
         motion: in which some parts have the very same joint.
-        search: how closely to look.
+        config: whether joints are aligned to photos at all, and how closely to look.
     """
+    if not config.articulate.alignment or config.articulate.paper_mode:
+        return motion
     joints, parents, values = motion.joints, motion.parents, [j.value for j in motion.joints]
     start = [replace(joint, carrier=chain(parent, joints, parents, values)) if parent else joint
              for joint, parent in zip(joints, parents, strict=True)]
     shared = [sum(joint is other for other in joints) > 1 and k not in parents
               for k, joint in enumerate(joints, 1)]
-    views = both_small(both.scene.states, search.align_views, search.sharp_side)
+    views = both_small(both.scene.states, config.search.align_views, config.search.sharp_side)
     labels = (np.asarray(motion.labels(0), np.int64), np.asarray(motion.labels(1), np.int64))
     problem = AlignmentProblem(both.gaussians, labels, views, both.surfaces.diag)
     end = align(problem, start, (COARSE[-1], *FINE))

@@ -8,12 +8,12 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from part2gs_robotics.config import SearchConfig
+from part2gs_robotics.config import SearchConfig, resolve
 from part2gs_robotics.joints.alike import each_aligned
 from part2gs_robotics.model.joint import Joint
 from part2gs_robotics.model.motion import Motion
 
-SEARCH = SearchConfig(align_views=16, sharp_side=96)
+CONFIG = replace(resolve({}), search=SearchConfig(align_views=16, sharp_side=96))
 SLIDE = Joint("prismatic", np.array([1.0, 0, 0]), np.array([0.2, 0.4, 0.4]), 0.2)
 
 
@@ -35,7 +35,7 @@ def drawers(toy):
 
 def test_each_of_two_drawers_slides_as_far_as_photos_show(drawers):
     both, motion = drawers
-    found = each_aligned(both, motion, SEARCH)
+    found = each_aligned(both, motion, CONFIG)
     assert [j.value for j in found.joints] == pytest.approx([0.21, 0.19], abs=0.002)
     assert all(j.carrier is None and 0 < j.sigma_value < 0.01 for j in found.joints)
     assert found.parents == motion.parents
@@ -44,11 +44,18 @@ def test_each_of_two_drawers_slides_as_far_as_photos_show(drawers):
 def test_a_joint_of_its_own_stays_as_it_is(drawers):
     both, motion = drawers
     other = replace(SLIDE, value=0.19)
-    found = each_aligned(both, replace(motion, joints=(SLIDE, other)), SEARCH)
+    found = each_aligned(both, replace(motion, joints=(SLIDE, other)), CONFIG)
     assert [j.value for j in found.joints] == [0.2, 0.19]
 
 
 def test_a_part_that_carries_another_keeps_its_joint(drawers):
     both, motion = drawers
-    found = each_aligned(both, replace(motion, parents=(0, 1)), SEARCH)
+    found = each_aligned(both, replace(motion, parents=(0, 1)), CONFIG)
     assert found.joints[0].value == 0.2
+
+
+@pytest.mark.parametrize("off", [{"alignment": False}, {"paper_mode": True}])
+def test_where_joints_are_not_aligned_they_stay_one(drawers, off):
+    both, motion = drawers
+    config = replace(CONFIG, articulate=replace(CONFIG.articulate, **off))
+    assert each_aligned(both, motion, config) is motion
