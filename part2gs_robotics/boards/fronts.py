@@ -23,6 +23,8 @@ from part2gs_robotics.model.twin import PartMesh
 SIDE = 256  # pixels of a front's picture: as many as the front has in a photo of 400
 FACING = 0.97  # cosine of 14 degrees between the slide and a face of the front
 LEVEL = 0.01  # of the part's size: faces of one front differ by less
+FILLED = 0.5  # of the rectangle around a front: 60 drawers fill 0.71 at least, a wire tray 0.12
+BROAD = 0.15  # of a front's length: 60 drawers have 0.17 at least, walls of one an eighth or less
 SEEN = 0.45  # cosine between the slide and the way to a camera: 63 degrees
 LEAST = 5  # photos whose median is a picture: what hides the front in two of them is outvoted
 STEPS = 3, 5  # pixels from a line to what is beside it
@@ -45,11 +47,13 @@ class Front:
         corner: [3] of the rectangle around it.
         sides: [2, 3] from there along both sides, scene units.
         outward: [3] unit.
+        area: of the face itself, scene units^2.
     """
 
     corner: F64
     sides: F64
     outward: F64
+    area: float
 
     def along(self, points: F64, side: int) -> F64:
         """Return [N] where points are along a side, 0..1 within the rectangle."""
@@ -87,7 +91,7 @@ def units_of(mesh: PartMesh, joint: Joint, states: Sequence[StateViews], moves: 
         states: photos of both.
         moves: per state, [4, 4] where the part is in it.
     """
-    if joint.kind != "prismatic":
+    if joint.kind != "prismatic":  # a door's front tells nothing of where it ends
         return None
     for way in (joint.axis, -joint.axis):
         front = _front(mesh, way)
@@ -113,6 +117,19 @@ def _most_alike(front: Front, side: int, picture: F32) -> Units:
     return Units(front, side, cuts / SIDE, alike=False)
 
 
+def broad_front(mesh: PartMesh, joint: Joint) -> bool:
+    """Return whether what slides has a front of its own: a drawer's wall, or half a tray, has none.
+
+    Args:
+        mesh: one body of it at state 0.
+        joint: of it.
+    """
+    fronts = [front for way in (joint.axis, -joint.axis) if (front := _front(mesh, way))]
+    lengths = [np.sort(np.linalg.norm(front.sides, axis=1)) for front in fronts]
+    return any(front.area > FILLED * short * long and short > BROAD * long
+               for front, (short, long) in zip(fronts, lengths, strict=True))
+
+
 def _front(mesh: PartMesh, outward: F64) -> Front | None:
     """Return the largest flat face that looks one way; None without one."""
     from scipy.linalg import null_space
@@ -127,13 +144,15 @@ def _front(mesh: PartMesh, outward: F64) -> Front | None:
     step = LEVEL * float(np.linalg.norm(np.ptp(mesh.vertices, axis=0)))
     steps = np.round((levels - levels.min()) / step).astype(int)
     main = np.bincount(steps[looks], areas[looks]).argmax()
-    level = corners[looks & (np.abs(steps - main) <= 1)].reshape(-1, 3)
+    face = looks & (np.abs(steps - main) <= 1)
+    level = corners[face].reshape(-1, 3)
     plane = null_space(outward[None])
     box = cv2.boxPoints(cv2.minAreaRect((level @ plane).astype(np.float32))).astype(float)
-    if min(np.linalg.norm(box[1] - box[0]), np.linalg.norm(box[3] - box[0])) < step:
+    sides = np.stack([box[1] - box[0], box[3] - box[0]])
+    if np.linalg.norm(sides, axis=1).min() < step:
         return None
-    sides = np.stack([box[1] - box[0], box[3] - box[0]]) @ plane.T
-    return Front(box[0] @ plane.T + (level @ outward).mean() * outward, sides, outward)
+    return Front(box[0] @ plane.T + (level @ outward).mean() * outward, sides @ plane.T, outward,
+                 0.5 * float(areas[face].sum()))
 
 
 def _picture(front: Front, states: Sequence[StateViews], moves: Sequence[F64]) -> F32 | None:
@@ -179,7 +198,7 @@ def _lines(picture: F32, least: float) -> F64:
 
 
 def _alike(picture: F32, cuts: F64) -> bool:
-    """Return whether what is between the lines looks alike, one and the next."""
+    """Return whether what is between lines shows something, and looks alike, one and the next."""
     rows = [0, *map(int, cuts), SIDE]
     units = [cv2.resize(picture[a:b], (UNIT, UNIT))[RIM:-RIM, RIM:-RIM]
              for a, b in pairwise(rows)]

@@ -1,18 +1,20 @@
-"""Bodies: a moving part in two bodies is two parts that moved alike, by as much and as far.
+"""Bodies: a slide that is two bodies, each with a front of its own, is two parts that slid alike.
 
 Who photographs a chest shut and then with every drawer pulled out as far as it goes shows one
 motion of many drawers. No photo tells them from one part then. That nothing joins them does, or
-where they touch, that their fronts repeat.
+where they touch, lines from edge to edge between fronts that look alike.
 """
 
 from __future__ import annotations
 
 import logging
+from collections.abc import Sequence
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from part2gs_robotics.boards.fronts import Units, units_of
+from part2gs_robotics.boards.fronts import broad_front, units_of
 from part2gs_robotics.model.arrays import F64, I64
 from part2gs_robotics.model.gaussians import Gaussians
 from part2gs_robotics.model.joint import Joint
@@ -20,8 +22,11 @@ from part2gs_robotics.model.kinematics import chain
 from part2gs_robotics.model.motion import Motion, with_part
 from part2gs_robotics.model.scene import Scene
 from part2gs_robotics.model.se3 import apply, inverse
-from part2gs_robotics.model.solids import sprinkled, to_manifold
+from part2gs_robotics.model.solids import arrays, sprinkled, to_manifold, to_mesh
 from part2gs_robotics.model.twin import Part, PartMesh
+
+if TYPE_CHECKING:
+    from manifold3d import Manifold
 
 BODY = 0.25  # of the largest, by volume: less is a detail
 COVERED = 0.5  # of the smaller trace: a drawer's back has all, another drawer next to nothing
@@ -41,33 +46,48 @@ def parted(scene: Scene, gaussians: tuple[Gaussians, Gaussians], motion: Motion,
     """
     new = motion
     for k, part in enumerate(parts[1:], 1):
-        bodies = _bodies(part.mesh, motion.joints[k - 1])
-        units = None if len(bodies) > 1 else _units(scene, motion, parts, k)
-        count = len(units.cuts) + 1 if units and units.alike else len(bodies)
-        if count < 2 or len(new.joints) + count - 1 > (most or np.inf):
-            continue
         clouds = (*_at_state_0(gaussians, motion, k), _carried(parts, motion, k))
-        sorted_ = [units.of(cloud) if units else _nearest(bodies, cloud) for cloud in clouds]
+        found = _shared_out(scene, motion, part, k, clouds)
+        if found is None or len(new.joints) + found[0] - 1 > (most or np.inf):
+            continue
+        count, (before, after, carried) = found
         # What carries a part keeps its number: parents come before children.
-        home = np.bincount(sorted_[2], minlength=count).argmax()
-        others = [body for body in range(count) if body != home]
+        home = np.bincount(carried, minlength=count).argmax()
         new = replace(new, notes=(*new.notes, _told(k, len(new.joints) + 1, count)))
-        for body in others:
-            new = with_part(new, k, (sorted_[0] == body, sorted_[1] == body))
-        logger.info("part %d is %d bodies that nothing joins: as many parts", k, count)
+        for body in set(range(count)) - {home}:
+            new = with_part(new, k, (before == body, after == body))
+        logger.info("part %d moved as one and is %d: as many parts", k, count)
     return new
 
 
-def _units(scene: Scene, motion: Motion, parts: tuple[Part, ...], part: int) -> Units | None:
+def _shared_out(scene: Scene, motion: Motion, part: Part, number: int, clouds: Sequence[F64],
+            ) -> tuple[int, list[I64]] | None:
+    """Return how many parts a part is, and which of them every point is of; None = it is one."""
+    joint, moves = motion.joints[number - 1], _moves(motion, number)
+    if joint.kind != "prismatic":  # few things turn alike, and a wire's arc often breaks in two
+        return None
+    bodies = _bodies(part.mesh, joint)
+    if len(bodies) > 1:
+        if not all(broad_front(to_mesh(body), joint) for body in bodies):
+            return None
+        surfaces = [sprinkled(body) for body in bodies]
+        return len(bodies), [_nearest(surfaces, cloud) for cloud in clouds]
+    units = units_of(part.mesh, joint, scene.states, moves)
+    if units is None or not units.alike:
+        return None
+    return len(units.cuts) + 1, [units.of(cloud) for cloud in clouds]
+
+
+def _moves(motion: Motion, part: int) -> tuple[F64, F64]:
+    """Return [4, 4] where a part is in both states."""
     values = [joint.value for joint in motion.joints]
-    there = chain(part, motion.joints, motion.parents, values)
-    return units_of(parts[part].mesh, motion.joints[part - 1], scene.states, (np.eye(4), there))
+    return np.eye(4), chain(part, motion.joints, motion.parents, values)
 
 
 def lined(scene: Scene, motion: Motion, parts: tuple[Part, ...]) -> list[str]:
     """Return a note of every part whose front lines divide from edge to edge."""
-    found = [(parts[k].name, units) for k in range(1, len(parts))
-             if (units := _units(scene, motion, parts, k))]
+    found = [(parts[k].name, units) for k, joint in enumerate(motion.joints, 1)
+             if (units := units_of(parts[k].mesh, joint, scene.states, _moves(motion, k)))]
     return [f"Lines from edge to edge divide the front of {name} into {len(units.cuts) + 1}. If "
             "these are parts of their own that moved alike, photograph them open by different "
             "amounts: then each is found." for name, units in found]
@@ -80,41 +100,43 @@ def _told(part: int, first: int, count: int) -> str:
             "their fronts look alike between lines from edge to edge, each is a part.")
 
 
-def _bodies(mesh: PartMesh, joint: Joint) -> list[F64]:
-    """Return points on the surface of every body that is no detail, the largest first.
+def _bodies(mesh: PartMesh, joint: Joint) -> list[Manifold]:
+    """Return the bodies of a mesh that are no detail, the largest first.
 
     What goes the same way as another body, before or behind it, is of one body with that: a
     drawer's back, whose floor no photo shows.
     """
-    solids = sorted(to_manifold(mesh).decompose(), key=lambda solid: -float(solid.volume()))
-    large = [solid for solid in solids
-             if float(solid.volume()) > max(0.0, BODY * float(solids[0].volume()))]
-    bodies: list[F64] = []
-    for points in map(sprinkled, large):
-        behind = [k for k, body in enumerate(bodies) if _one_way(points, body, joint)]
+    from manifold3d import Manifold
+
+    solids = sorted(to_manifold(mesh).decompose(), key=_volume, reverse=True)
+    bodies: list[Manifold] = []
+    for solid in solids:
+        if _volume(solid) <= max(0.0, BODY * _volume(solids[0])):
+            break
+        behind = [k for k, body in enumerate(bodies) if _one_way(solid, body, joint)]
         apart = [body for k, body in enumerate(bodies) if k not in behind]
-        bodies = [*apart, np.concatenate([*(bodies[k] for k in behind), points])]
-    return sorted(bodies, key=lambda body: -len(body))
+        bodies = [*apart, Manifold.compose([*(bodies[k] for k in behind), solid])]
+    return sorted(bodies, key=_volume, reverse=True)
 
 
-def _one_way(one: F64, other: F64, joint: Joint) -> bool:
+def _volume(solid: Manifold) -> float:
+    return float(solid.volume())
+
+
+def _one_way(one: Manifold, other: Manifold, joint: Joint) -> bool:
     """Return whether two bodies would leave traces one over the other if they moved on and on."""
     from manifold3d import CrossSection
 
-    shadows = [CrossSection.hull_points(_across(points, joint)) for points in (one, other)]
+    shadows = [CrossSection.hull_points(_across(arrays(body)[0], joint)) for body in (one, other)]
     shared = (shadows[0] ^ shadows[1]).area()
     return bool(shared > COVERED * min(shadow.area() for shadow in shadows))
 
 
 def _across(points: F64, joint: Joint) -> F64:
-    """Return [N, 2] places across the way of a joint: off its slide, or off and along its axis."""
+    """Return [N, 2] places across the way of a slide."""
     from scipy.linalg import null_space
 
-    off = points - joint.origin
-    along = off @ joint.axis
-    if joint.turns:
-        return np.stack([np.linalg.norm(off - along[:, None] * joint.axis, axis=1), along], 1)
-    return np.asarray(off @ null_space(joint.axis[None]))
+    return np.asarray(points @ null_space(joint.axis[None]))
 
 
 def _carried(parts: tuple[Part, ...], motion: Motion, part: int) -> F64:

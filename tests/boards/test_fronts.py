@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from synth import box, toy_cabinet_twin
 
-from part2gs_robotics.boards.fronts import SIDE, units_of
+from part2gs_robotics.boards.fronts import SIDE, broad_front, units_of
 from part2gs_robotics.mesh.bodies import lined, parted
 from part2gs_robotics.model.gaussians import Gaussians
 from part2gs_robotics.model.joint import Joint
@@ -135,3 +135,16 @@ def test_one_body_of_two_alike_becomes_two_parts_and_a_line_alone_a_note(handles
     note, = lined(scene, motion, twin)
     assert "divide the front of" in note
     assert "into 2" in note
+
+
+@pytest.mark.parametrize(("high", "front"), [((0.1, 0.2, 0.6), True), ((0.1, -0.1, 0.6), True),
+                                             ((0.1, -0.15, 0.6), False)])
+def test_a_wall_has_no_front(high, front):
+    assert broad_front(to_mesh(box(tuple(LOW), high)), SLIDE) is front
+
+
+def test_what_is_open_all_through_has_no_front():
+    tube = box(tuple(LOW), tuple(HIGH)) - box((-0.4, -0.18, 0.02), (0.2, 0.18, 0.58))
+    assert not broad_front(to_mesh(tube), SLIDE)
+    closed = tube + box((0.08, -0.2, 0.0), (0.1, 0.2, 0.6))  # at one end
+    assert broad_front(to_mesh(closed), SLIDE)

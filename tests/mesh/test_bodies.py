@@ -10,7 +10,7 @@ from chest_room import two_states
 from synth import box, toy_cabinet_twin
 
 from part2gs_robotics.config import MeshConfig
-from part2gs_robotics.mesh.bodies import parted, two_bodies
+from part2gs_robotics.mesh.bodies import _bodies, parted, two_bodies
 from part2gs_robotics.mesh.real_parts import build_existing
 from part2gs_robotics.model.joint import Joint
 from part2gs_robotics.model.solids import to_mesh
@@ -52,7 +52,7 @@ def test_the_base_may_be_in_pieces() -> None:
     assert two_bodies((replace(base, mesh=apart), part)) == []
 
 
-def alike(*boxes, parents=None):
+def alike(*boxes):
     """Return (scene, gaussians, motion) of boxes that slide off a body together, as one part."""
     scene, gaussians, motion = two_states([BODY, *boxes], [SLIDE] * len(boxes))
     probs = [np.stack([p[:, 0], p[:, 1:].sum(1)], 1) for p in motion.part_probs]
@@ -78,20 +78,26 @@ def test_two_drawers_pulled_out_alike_are_two_parts():
 
 def test_a_drawers_back_goes_with_its_front_though_no_floor_was_seen():
     front, back = (0.0, -0.2, 0.03), (0.1, -0.18, 0.05)
-    base, part = parts_with(box(front, (0.05, 0.2, 0.18)), box(back, (0.14, 0.18, 0.16)))
-    scene, gaussians, one, _ = alike(UPPER, LOWER)
-    assert parted(scene, gaussians, one, (base, part)) is one
-    beside = replace(one, joints=(replace(SLIDE, axis=np.array([0.0, 0.0, 1.0])),))
-    assert len(parted(scene, gaussians, beside, (base, part)).joints) == 2  # upwards they are two
+    _, part = parts_with(box(front, (0.05, 0.2, 0.18)), box(back, (0.14, 0.18, 0.16)))
+    assert len(_bodies(part.mesh, SLIDE)) == 1
+    upwards = replace(SLIDE, axis=np.array([0.0, 0.0, 1.0]))
+    assert len(_bodies(part.mesh, upwards)) == 2
 
 
-@pytest.mark.parametrize(("axis", "parts"), [((0.0, 0.0, 1.0), 2), ((0.0, 1.0, 0.0), 1)])
-def test_doors_one_above_the_other_on_one_hinge_line_are_two(axis, parts):
+def test_two_that_turn_alike_stay_one():
     scene, gaussians, one, _ = alike(UPPER, LOWER)
-    hinge = Joint("revolute", np.array(axis), np.array([0.0, -0.2, 0.0]), 0.5)
-    base, part = parts_with(box(*UPPER), box(*LOWER))
+    hinge = Joint("revolute", np.array([0.0, 0.0, 1.0]), np.array([0.0, -0.2, 0.0]), 0.5)
     turning = replace(one, joints=(hinge,))
-    assert len(parted(scene, gaussians, turning, (base, part)).joints) == parts
+    assert parted(scene, gaussians, turning, parts_with(box(*UPPER), box(*LOWER))) is turning
+
+
+def test_two_walls_of_one_drawer_are_no_drawers_and_are_told_of():
+    scene, gaussians, one, _ = alike(UPPER, LOWER)
+    walls = [box((0.0, y, 0.0), (0.15, y + 0.02, 0.18)) for y in (-0.2, 0.18)]
+    parts = parts_with(*walls)
+    assert len(_bodies(parts[1].mesh, SLIDE)) == 2
+    assert parted(scene, gaussians, one, parts) is one
+    assert len(two_bodies(parts)) == 1
 
 
 def test_a_knob_before_its_drawer_is_no_part():
