@@ -23,7 +23,7 @@ from part2gs_robotics.model.twin import PartMesh
 SIDE = 256  # pixels of a front's picture: as many as the front has in a photo of 400
 FACING = 0.97  # cosine of 14 degrees between the slide and a face of the front
 LEVEL = 0.01  # of the part's size: faces of one front differ by less
-FILLED = 0.5  # of the rectangle around a front: 60 drawers fill 0.71 at least, a wire tray 0.12
+FILLED = 0.5  # of the rectangle around a front: 60 drawers fill 0.71 at least, wires 0.12
 BROAD = 0.15  # of a front's length: 60 drawers have 0.17 at least, walls of one an eighth or less
 SEEN = 0.45  # cosine between the slide and the way to a camera: 63 degrees
 LEAST = 5  # photos whose median is a picture: what hides the front in two of them is outvoted
