@@ -10,6 +10,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -35,7 +36,9 @@ logger = logging.getLogger(__name__)
 
 def parted(scene: Scene, gaussians: tuple[Gaussians, Gaussians], motion: Motion,
            parts: tuple[Part, ...], most: int | None = None) -> Motion:
-    """Return the motion with a part for every body of its moving parts.
+    """Return the motion with a part for every body of its slides, or notes of what may be several.
+
+    What turns is left as it is: few things turn alike, and a wire's arc often breaks in two.
 
     Args:
         scene: posed images of both states.
@@ -45,59 +48,66 @@ def parted(scene: Scene, gaussians: tuple[Gaussians, Gaussians], motion: Motion,
         most: moving parts, if their number was given.
     """
     new = motion
-    for k, part in enumerate(parts[1:], 1):
-        clouds = (*_at_state_0(gaussians, motion, k), _carried(parts, motion, k))
-        found = _shared_out(scene, motion, part, k, clouds)
-        if found is None or len(new.joints) + found[0] - 1 > (most or np.inf):
+    for k, (part, joint) in enumerate(zip(parts[1:], motion.joints, strict=True), 1):
+        if joint.kind != "prismatic":
             continue
-        count, (before, after, carried) = found
-        # What carries a part keeps its number: parents come before children.
-        home = np.bincount(carried, minlength=count).argmax()
-        new = replace(new, notes=(*new.notes, _told(k, len(new.joints) + 1, count)))
-        for body in set(range(count)) - {home}:
-            new = with_part(new, k, (before == body, after == body))
-        logger.info("part %d moved as one and is %d: as many parts", k, count)
+        bodies, there = _bodies(part.mesh, joint), _at_state_1(motion, k)
+        units = (units_of(part.mesh, joint, scene.states, (np.eye(4), there))
+                 if len(bodies) == 1 else None)
+        count = len(units.cuts) + 1 if units else len(bodies)
+        several = (units.alike if units else
+                   count > 1 and all(broad_front(to_mesh(body), joint) for body in bodies))
+        if several and len(new.joints) + count - 1 <= (most or np.inf):
+            sort = units.of if units else partial(_nearest, [sprinkled(one) for one in bodies])
+            clouds = (gaussians[0].means.astype(float), _carried(parts, motion, k),
+                      apply(inverse(there), gaussians[1].means.astype(float)))
+            new = _shared_out(new, k, count, [sort(cloud) for cloud in clouds])
+        elif units:
+            new = replace(new, notes=(*new.notes, _doubted(part.name, count)))
     return new
 
 
-def _shared_out(scene: Scene, motion: Motion, part: Part, number: int, clouds: Sequence[F64],
-            ) -> tuple[int, list[I64]] | None:
-    """Return how many parts a part is, and which of them every point is of; None = it is one."""
-    joint, moves = motion.joints[number - 1], _moves(motion, number)
-    if joint.kind != "prismatic":  # few things turn alike, and a wire's arc often breaks in two
-        return None
-    bodies = _bodies(part.mesh, joint)
-    if len(bodies) > 1:
-        if not all(broad_front(to_mesh(body), joint) for body in bodies):
-            return None
-        surfaces = [sprinkled(body) for body in bodies]
-        return len(bodies), [_nearest(surfaces, cloud) for cloud in clouds]
-    units = units_of(part.mesh, joint, scene.states, moves)
-    if units is None or not units.alike:
-        return None
-    return len(units.cuts) + 1, [units.of(cloud) for cloud in clouds]
+def _shared_out(motion: Motion, part: int, count: int, of: Sequence[I64]) -> Motion:
+    """Return the motion with as many parts as a part is.
+
+    Args:
+        motion: with it as one.
+        part: its number.
+        count: of what it is.
+        of: which of these are the Gaussians of state 0, points of what it carries, and the
+            Gaussians of state 1.
+    """
+    before, carried, after = of
+    # What carries a part keeps its number: parents come before children.
+    home = np.bincount(carried, minlength=count).argmax()
+    # How sure it was as one says nothing of how sure each is.
+    rows = tuple({**row, **({"prices_saved": np.nan} if k == part else {})}
+                 for k, row in enumerate(motion.diagnostics, 1))
+    note = _told(part, len(motion.joints) + 1, count)
+    new = replace(motion, diagnostics=rows, notes=(*motion.notes, note))
+    for body in set(range(count)) - {home}:
+        new = with_part(new, part, (before == body, after == body))
+    logger.info("part %d moved as one and is %d: as many parts", part, count)
+    return new
 
 
-def _moves(motion: Motion, part: int) -> tuple[F64, F64]:
-    """Return [4, 4] where a part is in both states."""
+def _at_state_1(motion: Motion, part: int) -> F64:
+    """Return [4, 4] where a part is in state 1, from where it is in state 0."""
     values = [joint.value for joint in motion.joints]
-    return np.eye(4), chain(part, motion.joints, motion.parents, values)
+    return chain(part, motion.joints, motion.parents, values)
 
 
-def lined(scene: Scene, motion: Motion, parts: tuple[Part, ...]) -> list[str]:
-    """Return a note of every part whose front lines divide from edge to edge."""
-    found = [(parts[k].name, units) for k, joint in enumerate(motion.joints, 1)
-             if (units := units_of(parts[k].mesh, joint, scene.states, _moves(motion, k)))]
-    return [f"Lines from edge to edge divide the front of {name} into {len(units.cuts) + 1}. If "
-            "these are parts of their own that moved alike, photograph them open by different "
-            "amounts: then each is found." for name, units in found]
+def _doubted(name: str, count: int) -> str:
+    return (f"Lines from edge to edge divide the front of {name} into {count}. If these are parts "
+            "of their own that moved alike, photograph them open by different amounts: then each "
+            "is found.")
 
 
 def _told(part: int, first: int, count: int) -> str:
     names = ", ".join(f"part_{k}" for k in range(first, first + count - 1))
     return (f"part_{part} and {names} moved alike between the states, in one direction by one "
-            "amount. Photos cannot tell such parts from one; as nothing joins their bodies, or "
-            "their fronts look alike between lines from edge to edge, each is a part.")
+            "amount or nearly. Photos cannot tell such parts from one; as nothing joins their "
+            "bodies, or their fronts look alike between lines from edge to edge, each is a part.")
 
 
 def _bodies(mesh: PartMesh, joint: Joint) -> list[Manifold]:
@@ -150,14 +160,6 @@ def _nearest(bodies: list[F64], points: F64) -> I64:
     from scipy.spatial import cKDTree
 
     return np.asarray(np.argmin([cKDTree(body).query(points)[0] for body in bodies], axis=0))
-
-
-def _at_state_0(gaussians: tuple[Gaussians, Gaussians], motion: Motion,
-                part: int) -> tuple[F64, F64]:
-    """Return [N_s, 3] where all Gaussians were if they moved with a part."""
-    values = [joint.value for joint in motion.joints]
-    back = inverse(chain(part, motion.joints, motion.parents, values))
-    return (gaussians[0].means.astype(float), apply(back, gaussians[1].means.astype(float)))
 
 
 def two_bodies(parts: tuple[Part, ...]) -> list[str]:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from part2gs_robotics.config import MeshConfig
 from part2gs_robotics.errors import EmptyPartError
-from part2gs_robotics.mesh.bodies import lined, parted, two_bodies
+from part2gs_robotics.mesh.bodies import parted, two_bodies
 from part2gs_robotics.mesh.build_parts import build_parts
 from part2gs_robotics.model.gaussians import Gaussians
 from part2gs_robotics.model.motion import FAILED, Motion, without_part
@@ -48,11 +48,11 @@ def build_existing(scene: Scene, gaussians: tuple[Gaussians, Gaussians], motion:
     """
     found, parts = _with_solids(scene, gaussians, motion, config)
     alike = parted(scene, gaussians, found, parts, asked)
-    if alike is not found:
+    if len(alike.joints) > len(found.joints):
         alike = aligned(alike) if aligned else alike
-        found, parts = _with_solids(scene, gaussians, alike, config)
-    notes = *found.notes, *_yielded(parts), *two_bodies(parts), *lined(scene, found, parts)
-    return replace(found, notes=notes), parts
+        alike, parts = _with_solids(scene, gaussians, alike, config)
+    notes = *alike.notes, *_yielded(parts), *two_bodies(parts)
+    return replace(alike, notes=notes), parts
 
 
 def _with_solids(scene: Scene, gaussians: tuple[Gaussians, Gaussians], motion: Motion,

@@ -11,7 +11,7 @@ import pytest
 from synth import box, toy_cabinet_twin
 
 from part2gs_robotics.boards.fronts import SIDE, broad_front, units_of
-from part2gs_robotics.mesh.bodies import lined, parted
+from part2gs_robotics.mesh.bodies import parted
 from part2gs_robotics.model.gaussians import Gaussians
 from part2gs_robotics.model.joint import Joint
 from part2gs_robotics.model.motion import Motion
@@ -132,9 +132,10 @@ def test_one_body_of_two_alike_becomes_two_parts_and_a_line_alone_a_note(handles
             lower, _, other, _ = more.labels(state)
             assert more.labels(state).tolist() == [lower, 3 - lower, lower, 3 - lower]
             assert other == lower
-    note, = lined(scene, motion, twin)
-    assert "divide the front of" in note
-    assert "into 2" in note
+    note, = more.notes
+    assert ("moved alike" if parts == 2 else "divide the front of part_1 into 2") in note
+    alone, = parted(scene, (clouds[0], clouds[1]), motion, twin, 1).notes
+    assert "into 2" in alone  # no more were asked for
 
 
 @pytest.mark.parametrize(("high", "front"), [((0.1, 0.2, 0.6), True), ((0.1, -0.1, 0.6), True),

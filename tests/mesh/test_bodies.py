@@ -73,6 +73,7 @@ def test_two_drawers_pulled_out_alike_are_two_parts():
         true, new = both.labels(state), found.labels(state)
         assert len({(int(a), int(b)) for a, b in zip(true, new, strict=True)}) == 3
     assert [note for note in found.notes if "part_1 and part_2 moved alike" in note]
+    assert all(np.isnan(row["prices_saved"]) for row in found.diagnostics)
     assert not [note for note in found.notes if "two bodies" in note]
 
 
