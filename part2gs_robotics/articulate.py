@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from part2gs_robotics.config import ArticulateConfig, SearchConfig
-from part2gs_robotics.decide.candidate import Candidate, on_base
+from part2gs_robotics.decide.candidate import PART, Candidate, on_base
 from part2gs_robotics.decide.grow import decide, lowered
 from part2gs_robotics.decide.hang import hang
 from part2gs_robotics.decide.judge import Judge
@@ -45,6 +45,7 @@ from part2gs_robotics.search.pool import find_more, find_pool, in_its_light
 logger = logging.getLogger(__name__)
 MIN_EVIDENCE = 0.004  # of all surfels: less is noise, nothing moved
 Progress = Callable[[int, int, float], None]  # step, steps, number of parts
+Align = Callable[[Judge, Candidate, Views], Candidate]
 
 
 @dataclass(frozen=True)
@@ -219,14 +220,40 @@ def _settled(judge: Judge, found: Candidate, photos: Photos, config: ArticulateC
         if len(left) < len(found):
             new = kinds_chosen(judge, lowered(judge, left, pool), left)
             found = settle(judge, new, photos, config)
-    found = hang(judge, found, config.parts, np.random.default_rng(config.seed))
-    carried = any(found.parents)
-    found = nearly(judge, found, photos.sharp) if carried else found
+    flat, hung = found, hang(judge, found, config.parts, np.random.default_rng(config.seed))
+    found = _on_carriers(judge, (flat, hung), nearly, photos.sharp, config.parts)
     left = found if config.parts else least(judge, judge.judge(found))
     if len(left) < len(found):
         return _paying(judge, aligned(judge, left, photos.sharp), photos)
-    end = finely(judge, found, photos.sharp) if carried else left
-    return end if config.parts else _paying(judge, end, photos)
+    if any(found.parents):
+        left = _on_carriers(judge, (flat, found), finely, photos.sharp, config.parts)
+    return left if config.parts else _paying(judge, left, photos)
+
+
+def _on_carriers(judge: Judge, found: tuple[Candidate, Candidate], align: Align, sharp: Views,
+                 asked: int | None) -> Candidate:
+    """Return parts that others carry aligned; where that costs a price more, all on the base.
+
+    Hung on each other, two parts may explain the photos as well as on the base, and photos that
+    are looked at again from there may lead both astray.
+
+    Args:
+        judge: of the study.
+        found: settled on the base, and hung.
+        align: to the photos, both carriers and carried.
+        sharp: photos of both states.
+        asked: number of moving parts, if known: what has fewer is no way out.
+    """
+    flat, hung = found
+    if not any(hung.parents):
+        return hung
+    was, end = judge.judge(hung), align(judge, hung, sharp)
+    # Labels found anew may be dearer by what photos show, as where parts settle on the base.
+    cost = min(judge.judge(end).cost, judge.given(replace(end, labels=was.labels)).cost)
+    if cost < was.cost + PART or (asked and len(flat) < len(hung)):
+        return end
+    logger.info("nested: cost %.4f once aligned, %.4f before: left on the base", cost, was.cost)
+    return flat
 
 
 def _paying(judge: Judge, found: Candidate, photos: Photos) -> Candidate:

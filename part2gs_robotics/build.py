@@ -162,7 +162,7 @@ class _Corridor:
         """Give the evidence of failed checks back to the meshes, and write what comes of it."""
         from part2gs_robotics.mend import mendable, mended
 
-        twin, rounds = mended(bare) if mendable(written[0]) else (bare, ())
+        twin, rounds = mended(bare, written[0]) if mendable(written[0]) else (bare, ())
         for number, (note, seconds) in enumerate(rounds, 1):
             self._done(f"mend {number}", seconds, note)
         notes = tuple(note for note, _ in rounds)

@@ -9,8 +9,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from part2gs_robotics.mend.evidence import Evidence, copies
-from part2gs_robotics.mesh.make_room import without
+from part2gs_robotics.collision.depth import depth
+from part2gs_robotics.mend.evidence import GRAZE, Evidence, copies
+from part2gs_robotics.mesh.make_room import tidied
+from part2gs_robotics.model.arrays import F64
 from part2gs_robotics.model.kinematics import part_transforms
 from part2gs_robotics.model.se3 import inverse
 from part2gs_robotics.model.solids import size_of, to_manifold, to_mesh
@@ -35,23 +37,37 @@ def carved(twin: Twin, evidence: Sequence[Evidence]) -> Twin:
     """
     size = size_of(tuple(part.mesh for part in twin.parts))
     solids, seen = [to_manifold(part.mesh) for part in twin.parts], copies(twin)
-    tools: dict[int, list[Manifold]] = {}
-    for found in evidence:
-        poses = part_transforms(twin, found.positions)
-        placed = [place(seen[i], poses[i]) for i in found.pair]
-        yields = found.pair[0]
-        if 0 not in found.pair and solids[found.pair[1]].volume() > solids[yields].volume():
-            yields = found.pair[1]
-        both = place(placed[0] ^ placed[1], inverse(poses[yields]))
-        tools.setdefault(yields, []).extend(_grown(bit, ROOM * size) for bit in both.decompose())
+    rest = list(solids)
+    # Deepest first, each from what is left: overlaps of poses close by share most of their faces,
+    # and to unite 82 of them took ten minutes and 4 GB.
+    for found in sorted(evidence, key=lambda one: -one.depth):
+        a, b = found.pair
+        larger = a if not a or solids[b].volume() <= solids[a].volume() else b
+        rest[larger] = _less(rest[larger], seen[a + b - larger],
+                             _pose_in(twin, found, larger), size)
     parts = list(twin.parts)
-    for index, own in tools.items():
-        cut = without(solids[index], own, index, VOXEL * size)
+    for index, left in enumerate(rest):
+        cut = tidied(solids[index], left, index, VOXEL * size)
         lost = 1.0 - cut.volume() / solids[index].volume()
-        logger.debug("%s: %d bits are %.2g of its volume", parts[index].name, len(own), lost)
+        logger.debug("%s: what overlaps is %.2g of its volume", parts[index].name, lost)
         if lost <= MOST and cut is not solids[index]:
             parts[index] = replace(parts[index], mesh=_recoloured(parts[index].mesh, cut))
     return replace(twin, parts=tuple(parts))
+
+
+def _pose_in(twin: Twin, found: Evidence, larger: int) -> F64:
+    """Return [4, 4] where the smaller of two parts stands as the larger one sees it."""
+    poses = part_transforms(twin, found.positions)
+    return np.asarray(inverse(poses[larger]) @ poses[sum(found.pair) - larger])
+
+
+def _less(solid: Manifold, other: Manifold, pose: F64, size: float) -> Manifold:
+    """Return a solid without what another takes of it there, and room round that."""
+    import manifold3d
+
+    bits = (solid ^ place(other, pose)).decompose()
+    grown = [_grown(bit, ROOM * size) for bit in bits if depth(bit) > GRAZE * size]
+    return solid - manifold3d.Manifold.batch_boolean(grown, manifold3d.OpType.Add)
 
 
 def _grown(bit: Manifold, room: float) -> Manifold:

@@ -13,6 +13,7 @@ from part2gs_robotics.model.kinematics import moving_parts, part_transforms
 from part2gs_robotics.model.solids import FLAKE, size_of, to_manifold
 from part2gs_robotics.model.twin import Twin
 from part2gs_robotics.sim_checks.geometry import lighter, overlap, place
+from part2gs_robotics.sim_checks.interpenetration import LIMIT
 from part2gs_robotics.sim_checks.result import CheckReport
 from part2gs_robotics.sim_checks.subject import SWEEP_TOLERANCE
 
@@ -48,9 +49,9 @@ def copies(twin: Twin) -> list[Manifold]:
 
 
 def failing(report: CheckReport) -> dict[str, float]:
-    """Return the depth of overlap by what each failing row is about; "" = joints together."""
-    return {row.subject: row.value for row in report.results
-            if row.name in ROWS and row.status == "fail" and row.value is not None}
+    """Return the depth of overlap, of the size, by what a failing row is about; "" = all joints."""
+    return {row.subject: LIMIT * row.value / row.limit for row in report.results
+            if row.name in ROWS and row.status == "fail" and row.value is not None and row.limit}
 
 
 def evidence_of(twin: Twin, report: CheckReport) -> list[Evidence]:

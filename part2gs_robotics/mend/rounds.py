@@ -9,7 +9,6 @@ from tempfile import TemporaryDirectory
 from part2gs_robotics.exporters.mjcf import write_mjcf
 from part2gs_robotics.mend.carve import carved
 from part2gs_robotics.mend.evidence import evidence_of, failing
-from part2gs_robotics.model.solids import size_of
 from part2gs_robotics.model.twin import Twin
 from part2gs_robotics.sim_checks import check
 from part2gs_robotics.sim_checks.result import CheckReport
@@ -23,22 +22,23 @@ def mendable(report: CheckReport) -> bool:
     return bool(failing(report))
 
 
-def mended(twin: Twin) -> tuple[Twin, tuple[Round, ...]]:
+def mended(twin: Twin, report: CheckReport | None = None) -> tuple[Twin, tuple[Round, ...]]:
     """Return the twin, carved where its parts overlap, and what every round brought.
 
     A round that makes nothing better is taken back, and is the last.
 
     Args:
         twin: whose checks fail, in any unit; textures of carved parts are gone.
+        report: of the twin as it was written, in any unit as well: slivers that overlap there may
+            be rounded away here. None = it is checked here.
     """
-    began = time.monotonic()
-    report, rounds = _draft(twin), list[Round]()
-    size = size_of(tuple(part.mesh for part in twin.parts))
+    began, rounds = time.monotonic(), list[Round]()
+    report = report or _draft(twin)
     while failing(report) and len(rounds) < MOST_ROUNDS:
         evidence = evidence_of(twin, report)
         trial = carved(twin, evidence)
-        after = _draft(trial)
-        before, now = (max(failing(r).values(), default=0.0) / size for r in (report, after))
+        after = _draft(trial) if evidence else report
+        before, now = (max(failing(r).values(), default=0.0) for r in (report, after))
         rounds.append((_said(len(rounds) + 1, len(evidence), (before, now)),
                        time.monotonic() - began))
         if now >= before:

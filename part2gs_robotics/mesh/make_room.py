@@ -122,7 +122,14 @@ def without(solid: Manifold, tools: list[Manifold], part: int, voxel: float) -> 
         part: its number, for the log.
         voxel: what is far smaller is tidied away, scene units.
     """
-    rest = _rest(solid, tools)
+    return tidied(solid, _rest(solid, tools), part, voxel)
+
+
+def tidied(solid: Manifold, rest: Manifold, part: int, voxel: float) -> Manifold:
+    """Return what is left of a solid, closed; the solid if all or nothing is left, or it is torn.
+
+    Arguments as of `without`.
+    """
     if rest is solid or rest.is_empty():
         return solid
     rest = rest.as_original()  # or faces of two tools in one plane stay apart, slivers between them

@@ -72,6 +72,32 @@ def test_a_part_that_its_last_alignment_led_astray_leaves(
         assert min(saved(judge, found)) > 0.0
 
 
+@pytest.mark.parametrize("last", [False, True])
+@pytest.mark.parametrize("asked", [None, 2])
+def test_parts_that_alignment_leads_astray_where_they_hang_stay_on_the_base(
+        judge, right, look_alikes, last, asked, monkeypatch):
+    """Hung on each other, two slides explain the same; what photos make of them then may not."""
+    first, second = (Joint("prismatic", h.axis, h.origin, h.value) for h in look_alikes.truth)
+    astray, looked_at = replace(second, value=-second.value), []
+
+    def keep(_judge, found, *_):
+        return found
+
+    def led(_judge, found, _views):
+        looked_at.append(found.parents)
+        return found.with_motions([first, astray])
+
+    stubs = {"settle": keep, "nearly": keep if last else led, "finely": led, "least": keep}
+    stubs["hang"] = lambda _judge, found, *_: found.swapped(1, second, 1)
+    for name, stub in stubs.items():
+        monkeypatch.setattr(f"part2gs_robotics.articulate.{name}", stub)
+    start = on_base([first, second], right.labels)
+    found = _settled(judge, start, Photos((), ()), ArticulateConfig(parts=asked), [])
+    assert looked_at == [(0, 1)]
+    assert found.motions == (first, second)
+    assert found.parents == (0, 0)
+
+
 def settled_of(look_alikes, judge, decided, config):
     """Return the motion of a decision, with no pool to take other parts from."""
     return settled_motion(look_alikes.scene, Found(judge, decided, [], False, Clock(None)), config)

@@ -53,7 +53,7 @@ ALONE = {  # from that room, these files alone
     ("chance", "sim_checks"): {"geometry", "interpenetration", "subject"},
     ("mend", "mesh"): {"make_room"}, ("mend", "exporters"): {"mjcf"},
     ("mend", "collision"): {"depth"}, ("mend", "sim_checks"): {
-        "__init__", "geometry", "result", "subject"},
+        "__init__", "geometry", "interpenetration", "result", "subject"},
     ("stress", "agree"): {"finding", "of_yaml"}, ("stress", "exporters"): {"twin_yaml"},
     ("stress", "sim_checks"): {"response", "subject"},
     ("ci", "assets"): {"model_files"}, ("capture", "assets"): {"model_files", "engine"},

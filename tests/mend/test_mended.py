@@ -49,6 +49,19 @@ def test_a_sound_twin_comes_back_as_it_is() -> None:
     assert rounds == ()
 
 
+def test_what_overlaps_as_written_is_carved_though_it_does_not_here(tmp_path: Path) -> None:
+    """The sliver of two faces that touch is as deep as rounding to the scene's units makes it."""
+    here, written = lumpy_cabinet(0.0015), checked(lumpy_cabinet(0.004), tmp_path / "written")
+    assert mendable(written)
+    assert not mendable(checked(here, tmp_path / "here"))
+    assert mended(here)[1] == ()
+    done, rounds = mended(here, written)
+    assert len(rounds) == 1
+    assert "left nothing beyond what is allowed" in rounds[0][0]
+    lost = 1 - to_manifold(done.parts[0].mesh).volume() / to_manifold(here.parts[0].mesh).volume()
+    assert 0 < lost < 0.001
+
+
 def test_parts_that_truly_cross_are_left_alone() -> None:
     """A drive straight through a wall is a wrong joint: no carving makes it right."""
     joint = Joint("prismatic", np.array([1.0, 0, 0]), np.zeros(3), 0.5)
