@@ -35,7 +35,8 @@ class Scores:
         images: cross-rendering cost per object pixel beyond what no motion could mend.
         seams: per surfel, bonds of neighbours that the labels cut.
         strange: of all motions together, how surely each is no made thing's, 0..1 each: a turn
-            about a line in the air, a motion askew to walls and edges.
+            about a line in the air, a motion askew to walls and edges, one through what is in its
+            way.
         parts: prices of all moving parts, see `price`; a carried one's counts twice, since what
             carries it must be told as well. And of what hangs on them by nothing seen.
     """

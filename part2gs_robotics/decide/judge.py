@@ -8,12 +8,13 @@ from functools import partial
 
 import numpy as np
 
-from part2gs_robotics.decide.candidate import Candidate, Scores, price
+from part2gs_robotics.decide.candidate import STRANGE, Candidate, Scores, price
 from part2gs_robotics.decide.labelling import Unary, energy_of, label, unary_costs
 from part2gs_robotics.decide.loose import bodies_of, hanging, hung, vanished
 from part2gs_robotics.decide.made_joints import askew, crooked, square
+from part2gs_robotics.decide.passage import Seen, through
 from part2gs_robotics.evidence.cross_render import both_cost
-from part2gs_robotics.evidence.landing import UNEXPLAINED, unclaimed
+from part2gs_robotics.evidence.landing import MATCHED, UNEXPLAINED, unclaimed
 from part2gs_robotics.evidence.study import Study
 from part2gs_robotics.evidence.surfaces import Evidence
 from part2gs_robotics.evidence.surfels import Surfels, apart, at_home
@@ -40,7 +41,9 @@ class Judge:
     def __init__(self, study: Study) -> None:
         self.study = study
         self.lands = unclaimed(study.lands[0]), unclaimed(study.lands[1])
-        self._normals = np.concatenate([s.normals for s in study.surfels])
+        self._points, self._normals = (np.concatenate([getattr(s, name) for s in study.surfels])
+                                       for name in ("points", "normals"))
+        self._late = np.arange(len(self._points)) >= len(study.surfels[0])
         self._square = square(study.straight.directions)
         self._columns: dict[int, tuple[Joint, Unary]] = {}
         self._judged: dict[tuple[object, ...], tuple[tuple[Joint, ...], Labels, Scores]] = {}
@@ -94,9 +97,25 @@ class Judge:
         for motion in {id(h): h for s in sets for h in s.motions}.values():
             self._column(motion)  # before several threads ask for it
         rough = side_by_side([partial(self._likely, s) for s in sets])
-        order = sorted(range(len(sets)), key=lambda n: (rough[n][0], n))[:shown]
-        judged = side_by_side([partial(self.judge, rough[n][1]) for n in order])
+        likely = self._free_ones([rough[n] for n in sorted(
+            range(len(sets)), key=lambda n: (rough[n][0], n))], shown)
+        judged = side_by_side([partial(self.judge, found) for found in likely])
         return min(judged, key=lambda c: c.cost)
+
+    def _free_ones(self, likely: list[tuple[float, Candidate]], count: int) -> list[Candidate]:
+        """Return the cheapest of some sets once what goes through others has its cost.
+
+        Args:
+            likely: costs without it, least first, and the sets.
+            count: how many.
+        """
+        told = list[tuple[float, int]]()
+        for n, (least, found) in enumerate(likely):
+            if len(told) >= count and sorted(told)[count - 1][0] <= least:
+                break  # what comes later costs as much even where nothing is in its way
+            way = float(self.through(found, found.labels).sum())
+            told.append((least + STRANGE * way, n))
+        return [likely[n][1] for _, n in sorted(told)[:count]]
 
     def _likely(self, found: Candidate) -> tuple[float, Candidate]:
         """Return what a set costs before images see it, and the set with labels so far.
@@ -141,13 +160,15 @@ class Judge:
         """Return what surfels and photos say of a set of motions under given labels."""
         study, resting = self.study, self._unary(found.motions).resting
         seen = vanished(resting, hard)[1]  # photos gain by hiding as surfels do
-        return replace(self.unseen(found, hard), images=both_cost(
+        told = self.unseen(found, hard)
+        return replace(told, strange=told.strange + float(self.through(found, hard).sum()),
+                       images=both_cost(
             study.gaussians, study.gaussian_labels(seen),
             [np.eye(4), *(h.move for h in found.motions)], study.views, study.source_weight,
             study.light))
 
     def unseen(self, found: Candidate, hard: Labels) -> Scores:
-        """Return the scores of a set under given labels without its images."""
+        """Return the scores of a set under given labels without its images, every way free."""
         motions, study = found.motions, self.study
         unary = self._unary(motions).resting
         surfels = (energy_of(unary, study.graph, hard) + vanished(unary, hard)[0]) / len(hard)
@@ -166,8 +187,16 @@ class Judge:
         return bodies_of(hard, met, self.study.graph.neighbors, self.study.touching)
 
     def strange(self, motions: Sequence[Joint], hard: Labels) -> float:
-        """Return what `Scores.strange` says of all motions together."""
+        """Return what `Scores.strange` says of all motions together, every way free."""
         return float((self.leans(motions, hard) + self.air(motions, hard)).sum())
+
+    def through(self, found: Candidate, hard: Labels) -> F64:
+        """Return [K] 0..1, how surely every part would have gone through what lands elsewhere."""
+        study = self.study
+        landed = self.costs(found.motions, hard) < MATCHED
+        seen = Seen(self._points, self._normals, self._late,
+                    landed[:, None] & (hard[:, None] == np.arange(len(found) + 1)))
+        return through(seen, found.motions, found.parents, study.lands[0].voxel)
 
     def leans(self, motions: Sequence[Joint], hard: Labels) -> F64:
         """Return [K] how surely every motion is one that no made thing's joint makes, 0..1."""
@@ -188,7 +217,7 @@ class Judge:
 
     def way(self, found: Candidate, k: int) -> float | None:
         """Return how far motion k moves its surfels on average, scene units; None without any."""
-        points = np.concatenate([s.points for s in self.study.surfels])[found.labels == k + 1]
+        points = self._points[found.labels == k + 1]
         gaps = se3.apply(found.motions[k].move, points) - points
         return float(np.linalg.norm(gaps, axis=1).mean()) if len(points) else None
 

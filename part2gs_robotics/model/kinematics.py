@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from functools import partial
+from itertools import pairwise, permutations
 
 import numpy as np
 
@@ -155,15 +156,44 @@ def ways(part: int, carrier: int, joints: Sequence[Joint], parents: Sequence[int
                 start, end = others.copy(), others.copy()
                 start[mover - 1], end[mover - 1] = 0.0, values[mover - 1]
                 paths.append((start, end))
-    poses = []
-    for start, end in paths:
-        def relative(count: int, a: F64 = start, b: F64 = end) -> F64:
-            q = a + np.linspace(0, 1, count)[:, None] * (b - a)
-            return np.asarray(inverses(chains(part, joints, parents, q))
-                              @ chains(carrier, joints, parents, q))
+    seen = _seen_from(part, carrier, joints, parents)
+    return [_along(seen, path, corners, step) for path in paths]
 
-        poses.append(relative(_pose_count(relative, corners, step)))
-    return poses
+
+def orders(part: int, carrier: int, joints: Sequence[Joint], parents: Sequence[int],
+           corners: F64, step: float) -> list[F64]:
+    """Return ways from state 0 to state 1: all joints at once, and one by one in every order.
+
+    Args: see `ways`.
+    """
+    values = np.array([j.value for j in joints])
+    involved = sorted(set(ancestors(part, parents)) ^ set(ancestors(carrier, parents)))
+    seen, out = _seen_from(part, carrier, joints, parents), list[F64]()
+    for turns in [[involved], *([[n] for n in row] for row in permutations(involved))]:
+        nodes = [np.zeros(len(joints))]
+        for movers in turns:
+            nodes.append(np.where(np.isin(np.arange(len(joints)) + 1, movers), values, nodes[-1]))
+        out.append(np.concatenate([_along(seen, path, corners, step)
+                                   for path in pairwise(nodes)]))
+    return out if len(involved) > 1 else out[:1]
+
+
+def _seen_from(part: int, carrier: int, joints: Sequence[Joint], parents: Sequence[int],
+               ) -> Callable[[F64], F64]:
+    """Return what makes [P, K] joint positions poses [P, 4, 4] part_from_carrier."""
+    def relative(q: F64) -> F64:
+        return np.asarray(inverses(chains(part, joints, parents, q))
+                          @ chains(carrier, joints, parents, q))
+
+    return relative
+
+
+def _along(seen: Callable[[F64], F64], path: tuple[F64, F64], corners: F64, step: float) -> F64:
+    """Return poses [P, 4, 4] on the straight way between two joint positions."""
+    def relative(count: int) -> F64:
+        return seen(path[0] + np.linspace(0, 1, count)[:, None] * (path[1] - path[0]))
+
+    return relative(_pose_count(relative, corners, step))
 
 
 def both_ways(part: int, carrier: int, joints: Sequence[Joint], parents: Sequence[int],
