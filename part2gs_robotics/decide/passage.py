@@ -34,8 +34,7 @@ REAL = 0.25  # of a part's own proofs that pass through the other: they really c
 STEP = 2.0  # cells between poses: fewer than the layer behind a surface is thick
 # Of what a part lands: true parts of 19 scenes take 0.05 of it through others, false ones 0.25 up.
 THROUGH = 0.1
-# Of going through: one must have moved before the other. Three drawers' false set saved 9 prices by
-# three such ways, 4 each; a true tray behind a door, with one, saves more.
+# Of it, where one must wait: 4 prices a way; a false set that saved 9 had three, a true part one.
 WAITS = 0.2
 ASKED = 1000  # surfels of a part that are taken along its way: shares are right to 0.02
 MARGIN = 0.1  # of the box around all surfels: what a part sweeps beyond meets nothing
