@@ -10,6 +10,7 @@ reconstruction_suite.py; objects that are not run keep their rows.
 from __future__ import annotations
 
 import sys
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +18,8 @@ import yaml
 from reconstruction_suite import ROOT, score_own
 
 # Name of the row: the kit's object, and per joint its value in both states (rad or scene units).
-STATES: dict[str, tuple[str, dict[str, tuple[float, float]]]] = {
+Moves = dict[str, tuple[float, float]]
+STATES: dict[str, tuple[str, Moves]] = {
     "one_drawer_closes": (
         "libero_wooden_cabinet",
         {"middle_level": (0.0, -0.05), "bottom_level": (-0.09, -0.02)}),
@@ -58,15 +60,16 @@ def main() -> int:
     """Run the kit if it is given, store its numbers, and write the table."""
     return score_own(__doc__.splitlines()[0], list(STATES), "benchmarks/other_states.py",
                      ROOT / "docs/states.md",
-                     lambda work: ["--index", str(write_index(work).resolve())])
+                     lambda work: ["--index", str(write_index(work, {
+                         name: (*entry, {}) for name, entry in STATES.items()}).resolve())])
 
 
-def write_index(folder: Path) -> Path:
-    """Write the kit's index of the entries and return it."""
+def write_index(folder: Path, states: Mapping[str, tuple[str, Moves, dict[str, float]]]) -> Path:
+    """Write the kit's index of states and return it; of each the object, what moves, what stays."""
     entries: dict[str, dict[str, Any]] = {
         name: {"object": thing, "licence": "as in the kit", "units": "as in the kit",
-               "move": {joint: list(values) for joint, values in move.items()}}
-        for name, (thing, move) in STATES.items()}
+               "move": {joint: list(values) for joint, values in move.items()}, "frozen": stays}
+        for name, (thing, move, stays) in states.items()}
     folder.mkdir(parents=True, exist_ok=True)
     index = folder / "states.yaml"
     index.write_text(yaml.safe_dump({"objects": entries}))

@@ -38,7 +38,8 @@ TABLES = {
     ("docs/stress.md", "stress"): ("stress", "stress", "markdown"),
     ("docs/raster.md", "kernels"): ("kernels", "kernels", "markdown"),
 }
-OWN = {"solids": "solids", "simulators": "simulators", "states": "other_states"}
+OWN = {"solids": "solids", "simulators": "simulators", "states": "other_states",
+       "random_states": "random_states"}
 
 
 def stored(name: str):
