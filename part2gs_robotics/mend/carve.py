@@ -67,6 +67,8 @@ def _less(solid: Manifold, other: Manifold, pose: F64, size: float) -> Manifold:
 
     bits = (solid ^ place(other, pose)).decompose()
     grown = [_grown(bit, ROOM * size) for bit in bits if depth(bit) > GRAZE * size]
+    if not grown:
+        return solid  # itself, or a part that nothing overlaps would lose its texture
     return solid - manifold3d.Manifold.batch_boolean(grown, manifold3d.OpType.Add)
 
 

@@ -91,3 +91,10 @@ def test_evidence_is_carved_in_the_frame_of_what_yields(late: bool) -> None:
     cut = to_manifold(done.parts[index].mesh)
     assert (cut ^ to_manifold(small.mesh)).volume() == 0
     assert cut.volume() == pytest.approx(0.3, rel=1e-3)
+
+
+def test_a_part_that_nothing_overlaps_is_the_same_part() -> None:
+    """Or its mesh was made anew, and its texture is gone for nothing."""
+    twin = toy_cabinet_twin(1)
+    done = carved(twin, [Evidence((0.0,), (0, 1), 0.001)])
+    assert all(a is b for a, b in zip(done.parts, twin.parts, strict=True))
