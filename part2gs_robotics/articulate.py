@@ -30,6 +30,7 @@ from part2gs_robotics.joints.settle import (
     Views,
     aligned,
     finely,
+    moved,
     nearly,
     problem_of,
     settle,
@@ -248,8 +249,7 @@ def _on_carriers(judge: Judge, found: tuple[Candidate, Candidate], align: Align,
     if not any(hung.parents):
         return hung
     was, end = judge.judge(hung), align(judge, hung, sharp)
-    # Labels found anew may be dearer by what photos show, as where parts settle on the base.
-    cost = min(judge.judge(end).cost, judge.given(replace(end, labels=was.labels)).cost)
+    cost = moved(judge, was, end).cost
     if cost < was.cost + PART or (asked and len(flat) < len(hung)):
         return end
     logger.info("nested: cost %.4f once aligned, %.4f before: left on the base", cost, was.cost)

@@ -68,13 +68,10 @@ def _kept(judge: Judge, before: Candidate, after: Candidate, sharp: Views) -> Ca
 
     Photos lead a joint astray where look-alike neighbours hold each other's surfels, and then the
     next one. The cost that decided about the parts sees that; smaller differences are below what
-    surfels can tell. A little further on, labels found anew may be much dearer by what photos show,
-    so those of before count as well.
+    surfels can tell.
     """
     was = judge.judge(before)
-    end = min(judge.judge(after), judge.given(replace(after, labels=was.labels)),
-              key=lambda c: c.cost)
-    best = end
+    best = end = moved(judge, was, after)
     if end.cost < was.cost + PART:
         return after
     for k in range(len(after)):
@@ -89,6 +86,15 @@ def _kept(judge: Judge, before: Candidate, after: Candidate, sharp: Views) -> Ca
         return again
     problem = problem_of(judge, best, sharp)
     return best.with_motions(with_missing_deviations(problem, list(best.motions)))
+
+
+def moved(judge: Judge, was: Candidate, after: Candidate) -> Candidate:
+    """Return aligned joints judged, by labels found anew or by those of before, which costs less.
+
+    A little further on, labels found anew may be much dearer by what photos show.
+    """
+    return min(judge.judge(after), judge.given(replace(after, labels=was.labels)),
+               key=lambda c: c.cost)
 
 
 def _settled(judge: Judge, found: Candidate, photos: Photos, config: ArticulateConfig,

@@ -39,7 +39,7 @@ def carved(twin: Twin, evidence: Sequence[Evidence]) -> Twin:
     solids, seen = [to_manifold(part.mesh) for part in twin.parts], copies(twin)
     rest = list(solids)
     # Deepest first, each from what is left: overlaps of poses close by share most of their faces,
-    # and to unite 82 of them took ten minutes and 4 GB.
+    # and to unite dozens of them takes minutes and gigabytes.
     for found in sorted(evidence, key=lambda one: -one.depth):
         a, b = found.pair
         larger = a if not a or solids[b].volume() <= solids[a].volume() else b

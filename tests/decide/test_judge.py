@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from part2gs_robotics.decide.candidate import Scores, on_base
+from part2gs_robotics.decide.candidate import STRANGE, Scores, on_base
 from part2gs_robotics.decide.judge import Judge
 from part2gs_robotics.decide.labelling import Unary, energy_of, label
 from part2gs_robotics.evidence.graph import Graph, web_of
@@ -59,3 +59,43 @@ def test_photos_choose_between_labels_that_surfels_can_hardly_tell(monkeypatch, 
     found = judged(monkeypatch, three, STUCK, lambda hard: 0.2 * (hard == CHEAPEST).all())
     np.testing.assert_array_equal(found.labels, STUCK)
     assert found.cost == pytest.approx(0.4)
+
+
+def slide(way, direction=(0.0, 1.0, 0.0)):
+    return Joint("prismatic", np.array(direction), np.zeros(3), way)
+
+
+@pytest.mark.parametrize(("told", "best"), [((0, 0, 0), 0), ((1, 0, 0), 1), ((1, 1, 0), 2),
+                                            ((0.02, 0, 0), 0), ((1, 1, 1), 0)])
+def test_photos_see_the_cheapest_once_ways_have_their_cost(monkeypatch, told, best):
+    """As were all ways looked at; those are dear to look at, so that few are."""
+    costs, asked = [0.20, 0.21, 0.22], []
+    sets = [on_base([slide(0.1 * (n + 1))], np.full(1, n)) for n in range(3)]
+    judge = object.__new__(Judge)
+
+    def through(found, _hard):
+        asked.append(int(found.labels[0]))
+        return np.array([told[asked[-1]]])
+
+    stubs = {"_column": lambda motion: motion, "judge": lambda one: one.__class__(
+        one.motions, one.labels, Scores(0.0, 0.0), one.parents, one.known),
+        "_likely": lambda one: (costs[int(one.labels[0])], one), "through": through}
+    for name, stub in stubs.items():
+        monkeypatch.setattr(judge, name, stub, raising=False)
+    assert int(judge.best_of(sets, 1).labels[0]) == best
+    every = [c + STRANGE * t for c, t in zip(costs, told, strict=True)]
+    assert every[best] == min(every)
+    assert len(asked) == len(set(asked)) <= 1 + sum(c < every[best] for c in costs[1:]) + (
+        told[0] == 1)
+
+
+def test_what_goes_through_another_is_told_in_the_cost(judge, right, monkeypatch):
+    """A block that goes down through the base it stands on, and one that is lifted off."""
+    monkeypatch.setattr(judge, "costs", lambda _motions, hard: np.zeros(len(hard)))
+    early = np.arange(len(right.labels)) < len(judge.study.surfels[0])
+    hard = np.where((right.labels == 1) & early, 1, 0)
+    for way, told in ((-0.6, 1.0), (0.6, 0.0)):
+        found = on_base([slide(way, (0.0, 0.0, 1.0))], hard)
+        assert judge.through(found, hard)[0] == pytest.approx(told)
+        with_it, without = judge.given(found).scores, judge.unseen(found, hard)
+        assert with_it.strange - without.strange == pytest.approx(told)
