@@ -9,9 +9,9 @@ from functools import partial
 import numpy as np
 
 from part2gs_robotics.decide.candidate import STRANGE, Candidate, Scores, price
-from part2gs_robotics.decide.labelling import Unary, energy_of, label, unary_costs
+from part2gs_robotics.decide.labelling import MOVES, Unary, energy_of, label, unary_costs
 from part2gs_robotics.decide.loose import bodies_of, hanging, hung, vanished
-from part2gs_robotics.decide.made_joints import askew, crooked, square
+from part2gs_robotics.decide.made_joints import askew, crooked, square, way_over
 from part2gs_robotics.decide.passage import Seen, through
 from part2gs_robotics.evidence.cross_render import both_cost
 from part2gs_robotics.evidence.landing import MATCHED, UNEXPLAINED, unclaimed
@@ -19,7 +19,7 @@ from part2gs_robotics.evidence.study import Study
 from part2gs_robotics.evidence.surfaces import Evidence
 from part2gs_robotics.evidence.surfels import Surfels, apart, at_home
 from part2gs_robotics.model import se3
-from part2gs_robotics.model.arrays import F64, Labels
+from part2gs_robotics.model.arrays import F64, Labels, Mask
 from part2gs_robotics.model.joint import Joint
 from part2gs_robotics.runtime.side_by_side import side_by_side
 from part2gs_robotics.search.refine import refine
@@ -66,8 +66,42 @@ class Judge:
         """
         hard = found.labels if len(found.labels) else np.zeros(len(self._normals), np.int64)
         unary = self._unary(found.motions).resting
-        hard = label(unary, self.study.web, hard, asked)
+        hard = self._reached(found, unary, label(unary, self.study.web, hard, asked))
         return replace(found, labels=hard, fresh=() if asked is None else found.fresh)
+
+    def _reached(self, found: Candidate, unary: Unary, hard: Labels) -> Labels:
+        """Return labels whose turns reach their lines, where the surface lets them and it pays.
+
+        What is round about a line looks the same turned or not, and rests: of a lever and its cap
+        the lever alone turns, about a line in the air. No exchange of labels that makes surfels
+        alone cheaper gives it the cap.
+        """
+        away = 1 + np.flatnonzero(self.air(found.motions, hard))
+        lands = unary.cost(np.ones_like(unary.match)) < MATCHED + MOVES if len(away) else hard
+        far, start = np.zeros_like(unary.match), hard.copy()
+        for part in away:
+            alike = lands[:, part] & (hard == 0)
+            start[self._way_to_line(found.motions[part - 1], start == part, alike)] = part
+            far[alike, part] -= MOVES
+        if (start == hard).all():
+            return hard
+        start = label(replace(unary, far=far), self.study.web, start, away.tolist())
+        costs = [self.unseen(found, told).cost for told in (hard, start)]
+        return start if costs[1] < costs[0] else hard
+
+    def _way_to_line(self, h: Joint, own: Mask, alike: Mask) -> Labels:
+        """Return rows of surfels on the shortest way from a turn's part to its line in each state.
+
+        Args:
+            h: a turn.
+            own: [N] of the part.
+            alike: [N] where a way may go on.
+        """
+        points = self._points.copy()
+        points[self._late] = se3.apply(se3.inverse(h.move), points[self._late])
+        near = np.linalg.norm(np.cross(points - h.origin, h.axis), axis=1) < NEAR * self.study.diag
+        ends = (alike & near & ~self._late, alike & near & self._late)
+        return way_over(self.study.ways, own, alike, ends)
 
     def _roughly(self, found: Candidate) -> Candidate:
         """Return the candidate with the labels that its new motions may take, or give back."""
@@ -149,7 +183,7 @@ class Judge:
         """
         unary = self._unary(found.motions).resting
         alone = unary.cost(np.ones_like(unary.match)).argmin(1)
-        hard = label(unary, self.study.web, alone)
+        hard = self._reached(found, unary, label(unary, self.study.web, alone))
         told = self.scores(found, hard)
         if told.cost >= found.cost:
             return found

@@ -10,8 +10,10 @@ from functools import lru_cache
 from itertools import combinations
 
 import numpy as np
+from scipy.sparse import csr_matrix
+from scipy.sparse.csgraph import dijkstra
 
-from part2gs_robotics.model.arrays import F64
+from part2gs_robotics.model.arrays import F64, Labels, Mask
 from part2gs_robotics.model.joint import Joint
 
 WAYS = 200  # directions tried, 8 deg apart at most: fitted normals are not better
@@ -55,6 +57,28 @@ def crooked(h: Joint, lines: F64) -> float:
         return 0.0
     gap = np.arccos(min(float(np.abs(lines @ h.axis).max()), 1.0))
     return float(np.clip((gap - BESIDE) / (OFF - BESIDE), 0.0, 1.0))
+
+
+def way_over(ways: csr_matrix, own: Mask, alike: Mask, ends: tuple[Mask, Mask]) -> Labels:
+    """Return rows of the shortest way from a part to either end along what is like it, sorted.
+
+    Args:
+        ways: [N, N] distances between neighbours.
+        own: [N] of the part.
+        alike: [N] where a way may go on.
+        ends: [N] each where one may end; one that is not reached adds none.
+    """
+    rows = np.flatnonzero(own | alike)
+    far, before, _ = dijkstra(ways[rows][:, rows], False, np.flatnonzero(own[rows]),
+                              return_predecessors=True, min_only=True)
+    found = set[int]()
+    for end in ends:
+        here = np.where(end[rows], far, np.inf)
+        at = int(here.argmin()) if np.isfinite(here).any() else -1
+        while at >= 0:
+            found.add(int(rows[at]))
+            at = int(before[at])
+    return np.array(sorted(found), np.int64)
 
 
 def _lean(normals: F64, ways: F64) -> F64:

@@ -13,7 +13,7 @@ from part2gs_robotics.decide.candidate import PART, Scores, on_base
 from part2gs_robotics.decide.grow import _counted, decide, lowered
 from part2gs_robotics.decide.judge import Judge
 from part2gs_robotics.decide.labelling import energy_of
-from part2gs_robotics.evidence.graph import build_graph, web_of
+from part2gs_robotics.evidence.graph import build_graph, touching, ways_along, web_of
 from part2gs_robotics.evidence.guides import guides_of
 from part2gs_robotics.evidence.surfels import Surfels
 from part2gs_robotics.model import se3
@@ -57,10 +57,13 @@ def best_alone(judge, look_alikes):
 def test_no_wrong_motion_explains_surfels_as_well_as_the_true_one(world, request):
     seen = request.getfixturevalue(world)
     states = tuple(s.surfels for s in seen.states)
-    judge = Judge(SimpleNamespace(surfels=states, lands=tuple(s.land for s in seen.states),
-                                  graph=build_graph(states), tau=0.03, bonds=no_bonds(states),
-                                  web=web_of(build_graph(states), no_bonds(states)),
-                                  straight=guides_of([])))
+    first, graph = len(states[0]), build_graph(states)
+    judge = Judge(SimpleNamespace(
+        surfels=states, lands=tuple(s.land for s in seen.states), graph=graph, tau=0.03,
+        bonds=no_bonds(states), web=web_of(graph, no_bonds(states)), straight=guides_of([]),
+        diag=1.0, ways=ways_along(states, graph), touching=touching(states, graph),
+        own=lambda hard, part: tuple(s.select(h == part) for s, h in zip(
+            states, np.split(hard, [first]), strict=True))))
     turning = world == "turned"
     origin = seen.origin if turning else np.array([0.2, 0.3, 0.4])
     truth = Joint("revolute" if turning else "prismatic", seen.axis, origin, seen.value)

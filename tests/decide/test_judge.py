@@ -6,11 +6,16 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from scipy.sparse import csr_matrix
+from scipy.spatial import cKDTree
 
 from part2gs_robotics.decide.candidate import STRANGE, Scores, on_base
 from part2gs_robotics.decide.judge import Judge
 from part2gs_robotics.decide.labelling import Unary, energy_of, label
-from part2gs_robotics.evidence.graph import Graph, web_of
+from part2gs_robotics.decide.made_joints import way_over
+from part2gs_robotics.evidence.graph import Graph, build_graph, touching, ways_along, web_of
+from part2gs_robotics.evidence.surfels import Surfels
+from part2gs_robotics.model import se3
 from part2gs_robotics.model.joint import Joint
 
 STUCK, CHEAPEST = np.array([2, 0, 2]), np.array([1, 1, 0])
@@ -33,7 +38,7 @@ def judged(monkeypatch, three, start, photos):
     """Return two slides judged from a start, by surfels and by what photos say of labels."""
     unary, graph = three
     judge = object.__new__(Judge)
-    judge.study = SimpleNamespace(web=web_of(graph, np.zeros((3, 1), np.float32)))
+    judge.study = SimpleNamespace(diag=1.0, web=web_of(graph, np.zeros((3, 1), np.float32)))
     judge._judged = {}
     monkeypatch.setattr(judge, "_unary", lambda motions: SimpleNamespace(resting=unary),
                         raising=False)
@@ -99,3 +104,92 @@ def test_what_goes_through_another_is_told_in_the_cost(judge, right, monkeypatch
         assert judge.through(found, hard)[0] == pytest.approx(told)
         with_it, without = judge.given(found).scores, judge.unseen(found, hard)
         assert with_it.strange - without.strange == pytest.approx(told)
+
+
+TURN = Joint("revolute", np.array([0.0, 0, 1]), np.zeros(3), np.deg2rad(30.0))
+
+
+def sheet(points):
+    """Return surfels that look up."""
+    return Surfels(points, np.tile([0.0, 0, 1], (len(points), 1)), np.zeros_like(points),
+                   np.full(len(points), 9))
+
+
+def patch(at, wide, deep):
+    """Return [n, 3] spots of a level patch, 0.02 apart."""
+    spots = np.indices((wide, deep)).reshape(2, -1).T * 0.02 + at
+    return np.column_stack([spots, np.zeros(len(spots))])
+
+
+def faucet(waves):
+    """Return a judge of a lever beside a cap, flat but for waves, with three patches about them.
+
+    What a motion carries to where nothing is costs 1.
+    """
+    radius, azimuth = (spot.ravel() for spot in np.meshgrid(
+        np.arange(0.02, 0.2, 0.02), np.deg2rad(np.arange(0, 360, 6))))
+    still = np.stack([radius * np.cos(azimuth), radius * np.sin(azimuth),
+                      waves * np.cos(3 * azimuth)], 1)
+    corners = np.concatenate([patch(at, 5, 5) for at in ((0.6, 0.1), (-0.7, 0.2), (-0.2, -0.7))])
+    lever = patch((0.2, -0.02), 18, 3)
+    states = tuple(sheet(np.concatenate([still, corners, own]))
+                   for own in (lever, se3.apply(TURN.move, lever)))
+    graph, trees = build_graph(states), [cKDTree(s.points) for s in states]
+    first = len(states[0])
+    columns = []
+    for move in (np.eye(4), TURN.move):
+        met = [trees[1].query(se3.apply(move, states[0].points)),
+               trees[0].query(se3.apply(se3.inverse(move), states[1].points))]
+        gaps, rows = np.concatenate([m[0] for m in met]), np.concatenate([met[0][1] + first,
+                                                                          met[1][1]])
+        columns.append((np.where(gaps < 0.015, 0.0, 1.0), np.where(gaps < 0.015, rows, -1)))
+    match, target = (np.stack(c, 1) for c in zip(*columns, strict=True))
+    judge = object.__new__(Judge)
+    judge._points, judge._normals = (np.concatenate([getattr(s, name) for s in states])
+                                     for name in ("points", "normals"))
+    judge._late, judge._square = np.arange(len(match)) >= first, np.zeros((0, 3))
+    bonds = np.zeros(graph.weights.shape, np.float32)
+    judge.study = SimpleNamespace(
+        surfels=states, graph=graph, bonds=bonds, web=web_of(graph, bonds), diag=1.5,
+        ways=ways_along(states, graph), touching=touching(states, graph),
+        own=lambda hard, part: tuple(s.select(h == part) for s, h in zip(
+            states, np.split(hard, [first]), strict=True)))
+    judge._unary = lambda motions: Unary(match, target, np.ones_like(match))
+    kinds = np.repeat([0, 1, 2], [len(still), len(corners), len(lever)])
+    return judge, np.concatenate([kinds, kinds])
+
+
+def test_a_cap_round_about_the_line_goes_with_its_lever():
+    judge, kinds = faucet(0.0)
+    alone = label(judge._unary(()).resting, judge.study.web, np.zeros(len(kinds), np.int64))
+    np.testing.assert_array_equal(alone == 1, kinds == 2)  # surfels alone leave the cap at rest
+    found = on_base([TURN])
+    assert judge.air(found.motions, alone)[0] == 1.0
+    hard = judge.sort_out(found).labels
+    np.testing.assert_array_equal(hard == 1, kinds != 1)
+    assert judge.air(found.motions, hard)[0] == 0.0
+    assert judge.unseen(found, hard).cost < judge.unseen(found, alone).cost
+
+
+def test_a_cap_that_a_turn_would_carry_elsewhere_stays():
+    judge, kinds = faucet(0.1)
+    found = on_base([TURN])
+    hard = judge.sort_out(found).labels
+    np.testing.assert_array_equal(hard == 1, kinds == 2)
+    assert judge.air(found.motions, hard)[0] == 1.0
+
+
+def test_the_shortest_way_to_either_end_keeps_to_what_is_like_the_part():
+    """Nodes 0 .. 6 in a row, 7 a way round; 8 apart from all."""
+    gaps = np.zeros((9, 9))
+    for a, b, far in ((0, 1, 1), (1, 2, 1), (2, 3, 1), (3, 4, 1), (4, 5, 1), (5, 6, 1), (1, 7, 5),
+                      (7, 4, 5)):
+        gaps[a, b] = gaps[b, a] = far
+    own, end, apart = np.zeros((3, 9), bool)
+    own[:2], end[[4, 6]], apart[8] = True, True, True
+    alike = ~own
+    assert way_over(csr_matrix(gaps), own, alike, (end, apart)).tolist() == [1, 2, 3, 4]
+    alike[2] = False
+    assert way_over(csr_matrix(gaps), own, alike, (end, apart)).tolist() == [1, 4, 7]
+    alike[7] = False
+    assert not len(way_over(csr_matrix(gaps), own, alike, (end, apart)))
