@@ -43,7 +43,8 @@ def decide(judge: Judge, pool: Sequence[Joint], parts: int | None,
             break
         best = lowered(judge, new, pool)
     best, short = (best, False) if parts is None else _counted(judge, best, pool, parts)
-    return judge.renewed(risen(judge, best, pool)), short
+    end = judge.renewed(risen(judge, best, pool))
+    return (thinned(judge, end) if parts is None else end), short  # anew, others may have it all
 
 
 def lowered(judge: Judge, start: Candidate, pool: Sequence[Joint]) -> Candidate:

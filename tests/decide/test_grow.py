@@ -209,6 +209,23 @@ class Priced:
         return found
 
 
+def test_a_part_that_new_labels_leave_idle_is_left_out(monkeypatch):
+    """Labels from another start, with which another part explains all: its price is not paid."""
+    one, two = (Joint("prismatic", X, np.zeros(3), value) for value in (0.3, 0.2))
+    before = {frozenset(): 1.0, frozenset({0.3}): 0.6, frozenset({0.2}): 0.7}
+    judge = Priced(before | {frozenset({0.3, 0.2}): 0.5})
+    anew = Priced(before | {frozenset({0.3, 0.2}): 0.4, frozenset({0.3}): 0.4})
+
+    def renewed(found):
+        judge.left = anew.left
+        return judge.judge(found)
+
+    monkeypatch.setattr(judge, "renewed", renewed, raising=False)
+    monkeypatch.setattr("part2gs_robotics.decide.grow.risen", lambda _judge, found, _pool: found)
+    assert [h.value for h in decide(judge, [one, two], None)[0].motions] == [0.3]
+    assert len(decide(judge, [one, two], 2)[0]) == 2
+
+
 @pytest.mark.parametrize(("both", "count"), [(0.5, 2), (1.0 - 1.9 * PART, 0)])
 def test_two_are_found_where_neither_pays_alone(both, count):
     """What one alone shows the photos worse, the other makes up for."""
