@@ -16,7 +16,7 @@ import numpy as np
 
 from part2gs_robotics.config import ArticulateConfig, SearchConfig
 from part2gs_robotics.decide.candidate import PART, Candidate, on_base
-from part2gs_robotics.decide.grow import decide, lowered
+from part2gs_robotics.decide.grow import decide, lowered, neared
 from part2gs_robotics.decide.hang import hang
 from part2gs_robotics.decide.judge import Judge
 from part2gs_robotics.decide.leave_out import joint_of, kinds_chosen, least, saved, thinned
@@ -95,9 +95,9 @@ def found_motions(both: Canonical, config: ArticulateConfig, progress: Progress 
     study = in_its_light(study, np.random.default_rng(config.seed), moved, search)
     logger.info(study.light.told())
     rng = np.random.default_rng(config.seed)
-    pool = find_pool(study, rng, moved, search)
-    clock.tick("search", 2)
     judge = Judge(study)
+    pool = neared(judge, on_base([]), find_pool(study, rng, moved, search))
+    clock.tick("search", 2)
     candidate, short = decide(judge, pool, config.parts,
                               lambda left: find_more(study, left, rng, search))
     _require_parts(candidate, both.scene)

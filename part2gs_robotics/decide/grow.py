@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable, Sequence
+from functools import partial
 
 from part2gs_robotics.decide.candidate import Candidate, on_base
 from part2gs_robotics.decide.judge import Judge
@@ -13,6 +14,7 @@ from part2gs_robotics.decide.split import halved
 from part2gs_robotics.decide.turn_alternatives import calmed
 from part2gs_robotics.evidence.surfaces import Evidence
 from part2gs_robotics.model.joint import Joint
+from part2gs_robotics.runtime.side_by_side import side_by_side
 
 Search = Callable[[Evidence], list[Joint]]
 logger = logging.getLogger(__name__)
@@ -37,7 +39,7 @@ def decide(judge: Judge, pool: Sequence[Joint], parts: int | None,
     logger.info("decide: nothing moves: cost %.4f", best.cost)
     best = lowered(judge, best, pool)
     while again and len(best):
-        more = again(judge.unexplained(best))
+        more = neared(judge, best, again(judge.unexplained(best)))
         new = _cheapest(judge, best, more) if more else best
         if new.cost >= best.cost:
             break
@@ -45,6 +47,20 @@ def decide(judge: Judge, pool: Sequence[Joint], parts: int | None,
     best, short = (best, False) if parts is None else _counted(judge, best, pool, parts)
     end = judge.renewed(risen(judge, best, pool))
     return (thinned(judge, end) if parts is None else end), short  # anew, others may have it all
+
+
+def neared(judge: Judge, best: Candidate, pool: Sequence[Joint]) -> list[Joint]:
+    """Return motions, each refined from afar on the surfels that it would have beside a set.
+
+    Args:
+        judge: of the study.
+        best: the set.
+        pool: motions.
+    """
+    found = side_by_side([partial(judge.neared, best.plus(h)) for h in pool])
+    moved = sum(new.motions[-1] is not h for new, h in zip(found, pool, strict=True))
+    logger.info("decide: %d of %d motions to choose from refined from afar", moved, len(pool))
+    return [new.motions[-1] for new in found]
 
 
 def lowered(judge: Judge, start: Candidate, pool: Sequence[Joint]) -> Candidate:

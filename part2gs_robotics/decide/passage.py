@@ -34,8 +34,8 @@ REAL = 0.25  # of a part's own proofs that pass through the other: they really c
 STEP = 2.0  # cells between poses: fewer than the layer behind a surface is thick
 # Of what a part lands: true ones of 20 scenes take 0.053 through others at most, false ones 0.24.
 THROUGH = 0.1
-# Of it, where one must wait: 4 prices. A false set that saved 2 had three, a true set one.
-WAITS = 0.2
+# Of it, where one must wait: 6 prices. A false set that saved 9 had two, true ones of 14 none.
+WAITS = 0.3
 ASKED = 1000  # surfels of a part that are taken along its way: shares are right to 0.02
 MARGIN = 0.1  # of the box around all surfels: what a part sweeps beyond meets nothing
 
@@ -60,7 +60,8 @@ class Seen:
 def through(seen: Seen, joints: Sequence[Joint], parents: Sequence[int], cell: float) -> F64:
     """Return [K] 0..1, how surely every part would have gone through others on its way.
 
-    In full only where it would whichever moved first: a drawer passes where the door was. What
+    In full only where it would whichever moved first: a drawer passes where the door was. Where
+    all may move at once, as a tray does behind a door that swings open, nothing is strange. What
     lies along another part's surface in a state slides along it, and counts as free.
 
     Args:
@@ -86,9 +87,9 @@ def through(seen: Seen, joints: Sequence[Joint], parents: Sequence[int], cell: f
             hits = own[_meets(own, moves, layer, box)]
             along = _meets(hits, moves[[0, -1]], beside, around)
             shares.append(float((~along).sum()) / len(own))
-        always, ever = (np.clip(share / THROUGH - 1.0, 0.0, 1.0)
-                        for share in (min(shares), max(shares)))
-        most[k - 1] = max(most[k - 1], always, WAITS * ever)
+        always, at_once = (np.clip(share / THROUGH - 1.0, 0.0, 1.0)
+                           for share in (min(shares), shares[0]))
+        most[k - 1] = max(most[k - 1], always, WAITS * at_once)
     return most
 
 

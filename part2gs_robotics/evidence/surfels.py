@@ -36,8 +36,8 @@ class Surfels:
         """Number of surfels."""
         return len(self.points)
 
-    def select(self, index: NDArray[np.bool_] | NDArray[np.int64]) -> Surfels:
-        """Return the surfels picked by a mask or by indices."""
+    def select(self, index: NDArray[np.bool_] | NDArray[np.int64] | slice) -> Surfels:
+        """Return the surfels picked by a mask, by indices or by a slice."""
         return Surfels(
             self.points[index], self.normals[index], self.colors[index], self.views[index]
         )
