@@ -10,7 +10,7 @@ import pytest
 
 from part2gs_robotics.config import SearchConfig
 from part2gs_robotics.decide.candidate import PART, Scores, on_base
-from part2gs_robotics.decide.grow import _counted, decide, lowered, neared
+from part2gs_robotics.decide.grow import _counted, decide, lowered
 from part2gs_robotics.decide.judge import Judge
 from part2gs_robotics.decide.labelling import energy_of
 from part2gs_robotics.evidence.graph import build_graph, touching, ways_along, web_of
@@ -286,26 +286,3 @@ def test_what_refinement_leaves_in_its_place_is_not_judged_again(judge, right, m
     rough = true(fine.swapped(0, moved))
     assert judge.polished(rough).cost < rough.cost
     assert asked
-
-
-@pytest.mark.parametrize("off", [0.0, 0.03, 0.05])
-def test_a_motion_off_its_place_is_refined_from_afar_before_it_competes(judge, look_alikes, off):
-    """By shares of the diagonal: refined in the usual way alone it stays where it is."""
-    true, diag = look_alikes.truth[0], judge.study.diag
-    start = replace(true, value=true.value + off * diag)
-    alone = on_base([])
-    near, = neared(judge, alone, [start])
-    assert abs(near.value - true.value) < 1e-3 * diag
-    assert judge.judge(on_base([near])).cost < judge.judge(on_base([start])).cost + PART / 2
-    usual = judge.polished(judge.judge(on_base([start]))).motions[0]
-    assert (abs(usual.value - true.value) > 0.02 * diag) == (off != 0.0)
-
-
-def test_a_motion_that_nothing_refined_beats_stays_as_it_is(judge, look_alikes, monkeypatch):
-    """What comes of it is compared by surfels, beside the set; what is no cheaper is not taken."""
-    far = replace(look_alikes.truth[0], value=0.5)
-    monkeypatch.setattr("part2gs_robotics.decide.judge.refine", lambda *_: far)
-    one, two = look_alikes.truth
-    best = judge.judge(on_base([one]))
-    assert neared(judge, best, [two]) == [two]
-    assert neared(judge, best, []) == []

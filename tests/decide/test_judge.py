@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -9,7 +10,8 @@ import pytest
 from scipy.sparse import csr_matrix
 from scipy.spatial import cKDTree
 
-from part2gs_robotics.decide.candidate import STRANGE, Scores, on_base
+from part2gs_robotics.decide.candidate import PART, STRANGE, Scores, on_base
+from part2gs_robotics.decide.grow import neared
 from part2gs_robotics.decide.judge import Judge
 from part2gs_robotics.decide.labelling import Unary, energy_of, label
 from part2gs_robotics.decide.made_joints import way_over
@@ -193,3 +195,26 @@ def test_the_shortest_way_to_either_end_keeps_to_what_is_like_the_part():
     assert way_over(csr_matrix(gaps), own, alike, (end, apart)).tolist() == [1, 4, 7]
     alike[7] = False
     assert not len(way_over(csr_matrix(gaps), own, alike, (end, apart)))
+
+
+@pytest.mark.parametrize("off", [0.0, 0.03, 0.05])
+def test_a_motion_off_its_place_is_refined_from_afar_before_it_competes(judge, look_alikes, off):
+    """By shares of the diagonal: refined in the usual way alone it stays where it is."""
+    true, diag = look_alikes.truth[0], judge.study.diag
+    start = replace(true, value=true.value + off * diag)
+    alone = on_base([])
+    near, = neared(judge, alone, [start])
+    assert abs(near.value - true.value) < 1e-3 * diag
+    assert judge.judge(on_base([near])).cost < judge.judge(on_base([start])).cost + PART / 2
+    usual = judge.polished(judge.judge(on_base([start]))).motions[0]
+    assert (abs(usual.value - true.value) > 0.02 * diag) == (off != 0.0)
+
+
+def test_a_motion_that_nothing_refined_beats_stays_as_it_is(judge, look_alikes, monkeypatch):
+    """What comes of it is compared by surfels, beside the set; what is no cheaper is not taken."""
+    far = replace(look_alikes.truth[0], value=0.5)
+    monkeypatch.setattr("part2gs_robotics.decide.judge.refine", lambda *_: far)
+    one, two = look_alikes.truth
+    best = judge.judge(on_base([one]))
+    assert neared(judge, best, [two]) == [two]
+    assert neared(judge, best, []) == []
