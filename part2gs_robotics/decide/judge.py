@@ -10,7 +10,7 @@ import numpy as np
 
 from part2gs_robotics.decide.candidate import STRANGE, Candidate, Scores, price
 from part2gs_robotics.decide.labelling import MOVES, Unary, energy_of, label, unary_costs
-from part2gs_robotics.decide.loose import bodies_of, hanging, hung, vanished
+from part2gs_robotics.decide.loose import behind, bodies_of, hanging, hung, vanished
 from part2gs_robotics.decide.made_joints import askew, crooked, square, way_over
 from part2gs_robotics.decide.passage import Seen, through
 from part2gs_robotics.evidence.cross_render import both_cost
@@ -213,7 +213,9 @@ class Judge:
         shares = np.bincount(hard, minlength=len(found) + 1)[1:] / len(hard)
         body = self._bodies(unary, hard)
         told = (price(shares) * np.where(found.parents, 2, 1)).sum()
-        told += hung(hanging(hard, body), body)
+        axes = [None if h.turns or n else h.axis
+                for h, n in zip(motions, found.parents, strict=True)]
+        told += hung(hanging(hard, body) & ~behind(body, hard, self._points, axes), body)
         return Scores(surfels, 0.0, float(cut.sum(dtype=np.float64)) / len(hard),
                       self.strange(motions, hard), float(told))
 

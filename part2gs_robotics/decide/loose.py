@@ -6,6 +6,8 @@ no simpler than two parts, and to put a thing where nobody can see it explains a
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
@@ -13,12 +15,14 @@ from scipy.sparse.csgraph import connected_components
 
 from part2gs_robotics.decide.candidate import price
 from part2gs_robotics.decide.labelling import Unary
-from part2gs_robotics.model.arrays import Labels, Mask
+from part2gs_robotics.model.arrays import F64, Labels, Mask
 
 # Gained by hiding, of that by landing, by true parts: nearly all up to 7.7, one of them 10.
 HIDES = 10.0
 # Of a part's price, for a body in the air: at 1.0 two parts alike were as dear as one of two.
 HELD = 1.5
+ENDS = 2.0, 98.0  # percentiles: a body's outline without what strays
+BEHIND = 0.5  # of a hanging body, inside of that outline: drawers' backs have most, neighbours none
 
 
 def vanished(unary: Unary, hard: Labels) -> tuple[float, Labels]:
@@ -82,6 +86,31 @@ def hung(hanging: Mask, body: Labels) -> float:
     """
     shares = np.bincount(body[hanging], minlength=1) / max(len(body), 1)
     return float((HELD * 2.0 * (price(shares) - price(0.0))).sum())
+
+
+def behind(body: Labels, hard: Labels, points: F64, axes: Sequence[F64 | None]) -> Mask:
+    """Return [N] the hanging surfels whose body lies behind the rest of its part, as it slides.
+
+    What holds a drawer's back to its front is its floor, which hides in the cabinet.
+
+    Args:
+        body: [N] see `bodies_of`.
+        hard: [N] labels; 0 rests.
+        points: [N, 3] of either state: a slide moves none of them sideways.
+        axes: unit ones of parts 1..K that slide on the base, None = of another part.
+    """
+    loose = hanging(hard, body)
+    out = np.zeros_like(loose)
+    for part in np.unique(hard[loose]):
+        own, axis = hard == part, axes[part - 1]
+        if axis is None:
+            continue
+        sideways = points[own] @ np.linalg.svd(axis[None])[2][1:].T
+        low, high = np.percentile(sideways[~loose[own]], ENDS, axis=0)
+        inside = ((sideways >= low) & (sideways <= high)).all(1)
+        shares = np.bincount(body[own], inside) / np.maximum(np.bincount(body[own]), 1)
+        out[own] = loose[own] & (shares[body[own]] > BEHIND)
+    return out
 
 
 def bodies_of(hard: Labels, met: Labels, neighbors: NDArray[np.int32], touching: Mask) -> Labels:

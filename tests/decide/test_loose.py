@@ -8,7 +8,7 @@ from scipy.spatial import cKDTree
 
 from part2gs_robotics.decide.candidate import BORDER, PART, on_base
 from part2gs_robotics.decide.labelling import NEUTRAL_COST, Unary
-from part2gs_robotics.decide.loose import HELD, HIDES, bodies_of, hanging, hung, vanished
+from part2gs_robotics.decide.loose import HELD, HIDES, behind, bodies_of, hanging, hung, vanished
 from part2gs_robotics.evidence.landing import FREE_COST
 
 NEAR = 0.25
@@ -159,3 +159,20 @@ def test_nothing_vanishes_where_nothing_moves():
     gain, seen = vanished(unary, still)
     assert gain == 0.0
     np.testing.assert_array_equal(seen, still)
+
+
+@pytest.mark.parametrize(("place", "axis", "told"), [
+    ((0.1, 0.1, 5.0), (0.0, 0.0, 1.0), True), ((0.1, 0.1, 5.0), (0.0, 0.0, -1.0), True),
+    ((0.6, 0.6, 5.0), (0.0, 0.0, 1.0), False),  # a quarter of it
+    ((0.1, 0.1, 5.0), (1.0, 0.0, 0.0), False), ((0.1, 0.1, 5.0), None, False)])
+def test_what_lies_behind_the_front_of_a_slide_hangs_on_it(place, axis, told):
+    """A plate of 0.8 behind one of 1; beside it, as it slides, or of a turn, it hangs."""
+    steps = np.linspace(0.0, 1.0, 10)
+    front = np.stack([*map(np.ravel, np.meshgrid(steps, steps)), np.zeros(100)], 1)
+    back = 0.8 * front[:64] + place
+    points, hard = np.concatenate([front, back]), np.ones(164, np.int64)
+    body = np.repeat([7, 3], [100, 64])
+    found = behind(body, hard, points, [None if axis is None else np.array(axis)])
+    assert not found[:100].any()
+    assert (found[100:] == told).all()
+    assert not behind(np.full(164, 7), hard, points, [np.array([0.0, 0, 1])]).any()
