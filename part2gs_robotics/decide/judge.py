@@ -76,8 +76,8 @@ class Judge:
         """Return labels whose turns reach their lines, where the surface lets them and it pays.
 
         What is round about a line looks the same turned or not, and rests: of a lever and its cap
-        the lever alone turns, about a line in the air. No exchange of labels that makes surfels
-        alone cheaper gives it the cap.
+        the lever alone turns, about a line in the air. No exchange that makes surfels cheaper
+        gives it the cap.
         """
         away = 1 + np.flatnonzero(self.air(found.motions, hard))
         lands = unary.cost(np.ones_like(unary.match)) < MATCHED + MOVES if len(away) else hard
@@ -89,6 +89,8 @@ class Judge:
         if (start == hard).all():
             return hard
         start = label(replace(unary, far=far), self.study.web, start, away.tolist())
+        if np.median(unary.own(start)[start != hard]) > MATCHED + MOVES:
+            return hard  # it would have to turn by itself amid what rests
         costs = [self.unseen(found, told).cost for told in (hard, start)]
         return start if costs[1] < costs[0] else hard
 
@@ -273,15 +275,13 @@ class Judge:
     def neared(self, found: Candidate) -> Candidate:
         """Return a set, not judged, its newest motion refined from afar if surfels gain by it.
 
-        A motion of a patch lands that patch. What it lands of a wire is beyond the distance at
-        which motions are refined, and compared unrefined the true one loses against false ones.
+        A motion of a patch lands that patch: what else of a wire it should land may be far off.
         """
         (cost, told), h = self._likely(found), found.motions[-1]
         own = self.study.own(told.labels, len(found))
-        few = own[0].select(slice(None, None, 1 + len(own[0]) // FEW)), own[1].select(
-            slice(None, None, 1 + len(own[1]) // FEW))
-        fine = refine(h, few, self.lands, (*(far * self.study.tau for far in AFAR),
-                                           *self.study.taus))
+        zero, one = (s.select(slice(None, None, 1 + len(s) // FEW)) for s in own)
+        taus = (*(far * self.study.tau for far in AFAR), *self.study.taus)
+        fine = refine(h, (zero, one), self.lands, taus)
         if apart(fine, h, own) < STILL * self.study.diag:
             return found
         new = found.swapped(len(found) - 1, fine)
