@@ -89,8 +89,9 @@ class Judge:
         if (start == hard).all():
             return hard
         start = label(replace(unary, far=far), self.study.web, start, away.tolist())
-        if np.median(unary.own(start)[start != hard]) > MATCHED + MOVES:
-            return hard  # it would have to turn by itself amid what rests
+        lost = (unary.own(start) > MATCHED + MOVES) & (unary.own(hard) <= MATCHED + MOVES)
+        if 2 * lost.sum() > (start != hard).sum():
+            return hard  # it would turn amid what rests, and rest where it has turned
         costs = [self.unseen(found, told).cost for told in (hard, start)]
         return start if costs[1] < costs[0] else hard
 
@@ -233,11 +234,10 @@ class Judge:
 
     def through(self, found: Candidate, hard: Labels) -> F64:
         """Return [K] 0..1, how surely every part would have gone through what lands elsewhere."""
-        study = self.study
         landed = self.costs(found.motions, hard) < MATCHED
         seen = Seen(self._points, self._normals, self._late,
                     landed[:, None] & (hard[:, None] == np.arange(len(found) + 1)))
-        return through(seen, found.motions, found.parents, study.lands[0].voxel)
+        return through(seen, found.motions, found.parents, self.study.lands[0].voxel)
 
     def leans(self, motions: Sequence[Joint], hard: Labels) -> F64:
         """Return [K] how surely every motion is one that no made thing's joint makes, 0..1."""

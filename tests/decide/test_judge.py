@@ -123,16 +123,20 @@ def patch(at, wide, deep):
     return np.column_stack([spots, np.zeros(len(spots))])
 
 
-def faucet(waves):
+def faucet(waves, firm=0.0):
     """Return a judge of a lever beside a cap, flat but for waves, with three patches about them.
 
-    What a motion carries to where nothing is costs 1.
+    What a motion carries to where nothing is costs 1. firm: bonds across the rim of the cap, from
+    which a fringe hangs down that a turn would carry elsewhere.
     """
     radius, azimuth = (spot.ravel() for spot in np.meshgrid(
         np.arange(0.02, 0.2, 0.02), np.deg2rad(np.arange(0, 360, 6))))
     still = np.stack([radius * np.cos(azimuth), radius * np.sin(azimuth),
                       waves * np.cos(3 * azimuth)], 1)
-    corners = np.concatenate([patch(at, 5, 5) for at in ((0.6, 0.1), (-0.7, 0.2), (-0.2, -0.7))])
+    fringe = np.concatenate([[[0.2 * np.cos(a), 0.2 * np.sin(a), -0.02 * n] for n in range(1, 4)]
+                             for a in np.deg2rad(np.arange(15, 345, 12.7))])
+    corners = np.concatenate([fringe if firm else patch((0.6, 0.1), 5, 5),
+                              patch((-0.7, 0.2), 5, 5), patch((-0.2, -0.7), 5, 5)])
     lever = patch((0.2, -0.02), 18, 3)
     states = tuple(sheet(np.concatenate([still, corners, own]))
                    for own in (lever, se3.apply(TURN.move, lever)))
@@ -150,15 +154,16 @@ def faucet(waves):
     judge._points, judge._normals = (np.concatenate([getattr(s, name) for s in states])
                                      for name in ("points", "normals"))
     judge._late, judge._square = np.arange(len(match)) >= first, np.zeros((0, 3))
-    bonds = np.zeros(graph.weights.shape, np.float32)
+    kinds = np.tile(np.repeat([0, 1, 2], [len(still), len(corners), len(lever)]), 2)
+    rim = kinds[graph.neighbors] + kinds[:, None] == 1
+    bonds = np.where(rim, firm, 0.0).astype(np.float32)
     judge.study = SimpleNamespace(
         surfels=states, graph=graph, bonds=bonds, web=web_of(graph, bonds), diag=1.5,
         ways=ways_along(states, graph), touching=touching(states, graph),
         own=lambda hard, part: tuple(s.select(h == part) for s, h in zip(
             states, np.split(hard, [first]), strict=True)))
     judge._unary = lambda motions: Unary(match, target, np.ones_like(match))
-    kinds = np.repeat([0, 1, 2], [len(still), len(corners), len(lever)])
-    return judge, np.concatenate([kinds, kinds])
+    return judge, kinds
 
 
 def test_a_cap_round_about_the_line_goes_with_its_lever():
@@ -179,6 +184,12 @@ def test_a_cap_that_a_turn_would_carry_elsewhere_stays():
     hard = judge.sort_out(found).labels
     np.testing.assert_array_equal(hard == 1, kinds == 2)
     assert judge.air(found.motions, hard)[0] == 1.0
+
+
+def test_a_stripe_of_a_cap_that_is_held_does_not_go_with_the_lever():
+    judge, kinds = faucet(0.0, 1.0)
+    hard = judge.sort_out(on_base([TURN])).labels
+    np.testing.assert_array_equal(hard == 1, kinds == 2)
 
 
 def test_the_shortest_way_to_either_end_keeps_to_what_is_like_the_part():
