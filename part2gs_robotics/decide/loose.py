@@ -22,7 +22,7 @@ HIDES = 10.0
 # Of a part's price, for a body in the air: at 1.0 two parts alike were as dear as one of two.
 HELD = 1.5
 ENDS = 2.0, 98.0  # percentiles: a body's outline without what strays
-BEHIND = 0.5  # of a hanging body, inside of that outline: drawers' backs have most, neighbours none
+BEHIND = 0.5  # of a body, in that outline: backs lie behind their front, neighbours beside it
 
 
 def vanished(unary: Unary, hard: Labels) -> tuple[float, Labels]:

@@ -34,7 +34,7 @@ REAL = 0.25  # of a part's own proofs that pass through the other: they really c
 STEP = 2.0  # cells between poses: fewer than the layer behind a surface is thick
 # Of what a part lands: true ones of 20 scenes take 0.053 through others at most, false ones 0.24.
 THROUGH = 0.1
-# Of it, where one must wait: 6 prices. A false set that saved 9 had two, true ones of 14 none.
+# Of it, where one must wait: 6 prices. A false set that saved 9 had two; of 14 true sets one has.
 WAITS = 0.3
 ASKED = 1000  # surfels of a part that are taken along its way: shares are right to 0.02
 MARGIN = 0.1  # of the box around all surfels: what a part sweeps beyond meets nothing
