@@ -119,9 +119,9 @@ def labelled_anew(case: Known, motion: Motion, parts: Sequence[int]) -> Iterator
     for part in parts:
         if len(motion.joints) > 1 and part not in motion.parents:
             end = start.without(part - 1)
-            hard, costs = final_labels(judge, end, config)
+            hard = final_labels(judge, end, config)
             end = replace(end, labels=hard)
-            probs = part_probs(judge.study, end, costs, config)
+            probs = part_probs(judge.study, end, config)
             alone = tuple(replace(j, carrier=None) for j in end.motions)
             yield Motion(probs, alone, end.parents, shades=motion.shades)
 

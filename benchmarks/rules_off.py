@@ -149,7 +149,6 @@ SETTLED = (
     Rule("paying", "parts that do not pay, settled, leave",
          ((articulate, "thinned", same), (articulate, "least", same), (hang, "thinned", same))),
     Rule("bodiless", "parts without surface leave",
-         ((articulate, "_with_bodies", lambda judge, found, config: (
-             lambda told: (replace(found, labels=told[0]), told[1]))(
-                 labels.final_labels(judge, found, config))),)),
+         ((articulate, "_with_bodies", lambda judge, found, config: replace(
+             found, labels=labels.final_labels(judge, found, config))),)),
 )  # fmt: skip

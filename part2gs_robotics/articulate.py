@@ -35,7 +35,6 @@ from part2gs_robotics.joints.settle import (
     problem_of,
     settle,
 )
-from part2gs_robotics.model.arrays import F64
 from part2gs_robotics.model.joint import Joint
 from part2gs_robotics.model.motion import Motion
 from part2gs_robotics.model.scene import Scene
@@ -158,10 +157,10 @@ def settled_motion(scene: Scene, found: Found, config: ArticulateConfig,
         sharp = both_small(scene.states, search.align_views, search.sharp_side)
         end = _settled(judge, pulled, Photos(small, sharp), config, found.pool)
     clock.tick("alignment", 4, len(end))
-    end, costs = _with_bodies(judge, end, config)
+    end = _with_bodies(judge, end, config)
     hard = end.labels
     saves = (math.nan,) * len(end) if config.paper_mode else saved(judge, end)
-    probs = part_probs(study, end, costs, config)
+    probs = part_probs(study, end, config)
     diagnostics, notes = part_diagnostics(study, end.motions, hard, config.paper_mode)
     diagnostics = tuple({**row, **(kept[n - 1] if n else {}), "prices_saved": gap}
                         for row, n, gap in zip(diagnostics, end.known, saves, strict=True))
@@ -172,17 +171,16 @@ def settled_motion(scene: Scene, found: Found, config: ArticulateConfig,
                   shades=tuple(map(float, study.light.shades)))
 
 
-def _with_bodies(judge: Judge, found: Candidate, config: ArticulateConfig,
-                 ) -> tuple[Candidate, F64]:
-    """Return a candidate with its last labels, without motions that no surfel has, and costs.
+def _with_bodies(judge: Judge, found: Candidate, config: ArticulateConfig) -> Candidate:
+    """Return a candidate with its last labels, without motions that no surfel has.
 
     Such a motion explains nothing, so the set without it is cheaper by its price.
     """
-    hard, costs = final_labels(judge, found, config)
+    hard = final_labels(judge, found, config)
     bare = [k for k in range(len(found)) if not (hard == k + 1).any()
             and k + 1 not in found.parents]
     if not bare or len(found) == 1 or config.parts or config.paper_mode:  # a number was asked for
-        return replace(found, labels=hard), costs
+        return replace(found, labels=hard)
     logger.info("part %d: no surface moves with it once labels are settled; left out", bare[0] + 1)
     return _with_bodies(judge, found.without(bare[0]), config)
 
@@ -194,7 +192,7 @@ def _pulled(found: Found, config: ArticulateConfig, views: Views,
     decided = replace(found.candidate, labels=start_labels(judge, found.candidate, config))
     joints = [joint_of(judge, decided, k) for k in range(len(decided))]
     start = on_base(joints, decided.labels)
-    start = replace(start, labels=labels_under(judge, start, config)[0])
+    start = replace(start, labels=labels_under(judge, start, config))
     pulled = physical_steps(study, joints, start.labels, config)
     if pulled is not joints and not config.paper_mode:  # the paper refines by its losses alone
         pulled = judged(problem_of(judge, start, views), joints, pulled, change="physics terms")

@@ -35,9 +35,8 @@ FAR_COST = 0.15  # half of what an unobserved place costs: breaks ties, outvotes
 ROUNDS = 2  # of proving and labelling; a third changes less than 0.1 % of the labels
 
 
-def claim(study: Study, lands: Lands, found: Candidate, stays: float = 0.0,
-          ) -> tuple[Labels, F64]:
-    """Return labels [N0 + N1] and costs [N0 + N1, K+1] with unobserved surfels claimed by reach.
+def claim(study: Study, lands: Lands, found: Candidate, stays: float = 0.0) -> Labels:
+    """Return labels [N0 + N1] with unobserved surfels claimed by reach.
 
     Args:
         study: both states.
@@ -61,10 +60,8 @@ def claim(study: Study, lands: Lands, found: Candidate, stays: float = 0.0,
         extra = _far(cores, study.ways, study.diag, stays) + _passing(study, costs, proofs, found)
         hard = label(Unary(unary.match, unary.target, unary.miss, extra), study.web, hard)
     normals = np.concatenate([s.normals for s in study.surfels])
-    hard = joined(hard, unary, study.graph, normals, _carried_by(study, moves),
+    return joined(hard, unary, study.graph, normals, _carried_by(study, moves),
                   len(study.surfels[0].points))
-    costs = unary.cost(np.eye(len(moves))[hard]) + extra
-    return hard, costs
 
 
 def _carried_by(study: Study, moves: list[F64]) -> F64:

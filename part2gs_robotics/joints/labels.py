@@ -15,9 +15,7 @@ from part2gs_robotics.decide.labelling import Unary, unary_costs
 from part2gs_robotics.evidence.study import Study
 from part2gs_robotics.evidence.surfels import FLOATER
 from part2gs_robotics.model.arrays import F32, F64, Labels
-from part2gs_robotics.paper.identity import PAPER, refine_identities
-
-COST_TO_NATS = 8.0  # a contradiction (1.0) is 3,000 times less likely than a match (0)
+from part2gs_robotics.paper.identity import PAPER, IdentityConfig, refine_identities
 
 
 def start_labels(judge: Judge, found: Candidate, config: ArticulateConfig) -> Labels:
@@ -35,8 +33,8 @@ def start_labels(judge: Judge, found: Candidate, config: ArticulateConfig) -> La
 
 
 def labels_under(judge: Judge, found: Candidate, config: ArticulateConfig, stays: float = 0.0,
-                 ) -> tuple[Labels, F64]:
-    """Return surfel labels [N0 + N1] and costs [N0 + N1, K+1] under the joints.
+                 ) -> Labels:
+    """Return surfel labels [N0 + N1] under the joints.
 
     Args:
         judge: of the study.
@@ -49,16 +47,16 @@ def labels_under(judge: Judge, found: Candidate, config: ArticulateConfig, stays
         return claim(judge.study, judge.lands, found, stays)
     costs = landing_costs(judge, [j.state1_from_0 for j in found.motions])
     if not config.identity:
-        return costs.argmin(1), costs
+        return costs.argmin(1)
     study = judge.study
-    probs = part_probs(study, replace(found, labels=costs.argmin(1)), costs, config)
+    probs = part_probs(study, replace(found, labels=costs.argmin(1)), config)
     near = [np.asarray(cKDTree(study.gaussians[s].means).query(study.surfels[s].points)[1])
             for s in (0, 1)]
-    return np.concatenate([probs[s].argmax(1)[near[s]] for s in (0, 1)]), costs
+    return np.concatenate([probs[s].argmax(1)[near[s]] for s in (0, 1)])
 
 
-def final_labels(judge: Judge, end: Candidate, config: ArticulateConfig) -> tuple[Labels, F64]:
-    """Return surfel labels [N0 + N1] and costs [N0 + N1, K+1] under joints that are final.
+def final_labels(judge: Judge, end: Candidate, config: ArticulateConfig) -> Labels:
+    """Return surfel labels [N0 + N1] under joints that are final.
 
     What nothing shows is claimed from labels as they were judged. Arguments as of `labels_under`.
     """
@@ -77,8 +75,8 @@ def identity_labels(judge: Judge, found: Candidate, config: ArticulateConfig,
         found: joints of parts 1..K on the base, and surfel labels to start from.
         config: as of `labels_under`.
     """
-    hard, costs = labels_under(judge, found, config)
-    zero, one = part_probs(judge.study, replace(found, labels=hard), costs, config)
+    hard = labels_under(judge, found, config)
+    zero, one = part_probs(judge.study, replace(found, labels=hard), config)
     return np.asarray(zero.argmax(1), np.int64), np.asarray(one.argmax(1), np.int64)
 
 
@@ -93,25 +91,23 @@ def _landing(judge: Judge, moves: list[F64]) -> Unary:
     return unary_costs([np.eye(4), *moves], study.surfels, judge.lands, study.tau)
 
 
-def part_probs(study: Study, found: Candidate, costs: F64, config: ArticulateConfig,
-               ) -> tuple[F32, F32]:
+def part_probs(study: Study, found: Candidate, config: ArticulateConfig) -> tuple[F32, F32]:
     """Return [N_s, K+1] part identities of the Gaussians of both states.
+
+    Evidence is the labels of the surfels around, of which bonds and reach have had their say. What
+    surfels cost where they land (tried) undid that where flat faces slide or turn along themselves.
 
     Args:
         study: both states.
-        found: joints of parts 1..K; its surfel labels are taken as they are without identities.
-        costs: [N0 + N1, K+1] of the surfels.
-        config: identity and paper mode.
+        found: joints of parts 1..K, and labels of the surfels.
+        config: identity (off: labels as they are) and paper mode.
     """
-    n0 = len(study.surfels[0])
     if not config.identity:
         eye = np.eye(len(found) + 1, dtype=np.float32)
         labels = study.gaussian_labels(found.labels)
         return eye[labels[0]], eye[labels[1]]
-    unary = [
-        COST_TO_NATS * costs[:n0][study.nearest[0]],
-        COST_TO_NATS * costs[n0:][study.nearest[1]],
-    ]
-    settings = PAPER if config.paper_mode else None
+    settings = PAPER if config.paper_mode else IdentityConfig()
+    unary = [settings.unary_cap * (1.0 - shares)
+             for shares in study.gaussian_shares(found.labels, len(found) + 1)]
     return refine_identities(unary[0], unary[1], study.gaussians, found.motions, settings,
                              found.parents)

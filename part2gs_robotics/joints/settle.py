@@ -129,7 +129,7 @@ def finely(judge: Judge, found: Candidate, views: Views) -> Candidate:
 
 def _under_claims(judge: Judge, found: Candidate, views: Views, last: bool) -> Candidate:
     """Return the candidate labelled anew and aligned; only the last time with deviations."""
-    found = replace(found, labels=claim(judge.study, judge.lands, found)[0])
+    found = replace(found, labels=claim(judge.study, judge.lands, found))
     problem = problem_of(judge, found, views)
     clues = judge.study.clues(problem.labels, len(found)) if last else None
     levels = FINE if last else FINE[:1]
@@ -150,7 +150,7 @@ def _alone(judge: Judge, found: Candidate, photos: Photos, config: ArticulateCon
     problem = problem_of(judge, found, photos.small)
     near = align(problem, found.motions, COARSE, deviations=False)
     found = found.with_motions(judged(problem, found.motions, near, LEAST_GAIN))
-    found = replace(found, labels=labels_under(judge, found, config)[0])
+    found = replace(found, labels=labels_under(judge, found, config))
     return found.with_motions(_aligned(judge, found, photos.sharp, config))
 
 
@@ -173,7 +173,7 @@ def _again(judge: Judge, end: Candidate, problem: AlignmentProblem, config: Arti
     Labels made under a wrong joint hold it where it is; where they hardly change under what became
     of it, nothing else would come out.
     """
-    new, _ = labels_under(judge, end, config)
+    new = labels_under(judge, end, config)
     if (new != end.labels).sum() < RELABELLED * (end.labels > 0).sum():
         return list(end.motions), problem
     other = replace(problem, labels=identity_labels(judge, replace(end, labels=new), config))
@@ -207,7 +207,7 @@ def _alternate(judge: Judge, found: Candidate, views: Views, levels: tuple[Level
         problem = problem_of(judge, found, views)
         joints = align(problem, found.motions, FINE[:1] if turn else levels, deviations=False)
         found = judge.judge(found.with_motions(joints))
-        found = replace(found, labels=claim(judge.study, judge.lands, found)[0])
+        found = replace(found, labels=claim(judge.study, judge.lands, found))
     return found
 
 

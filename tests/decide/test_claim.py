@@ -21,7 +21,7 @@ from part2gs_robotics.decide.claim import (
     _proofs,
     claim,
 )
-from part2gs_robotics.decide.labelling import FOREIGN_COST, NEUTRAL_COST, Unary
+from part2gs_robotics.decide.labelling import NEUTRAL_COST, Unary
 from part2gs_robotics.evidence.graph import Graph, build_graph, ways_along, web_of
 from part2gs_robotics.evidence.landing import MATCHED
 from part2gs_robotics.model.joint import Joint
@@ -141,7 +141,7 @@ def test_what_hangs_on_a_pulled_out_floor_is_the_drawers_and_no_rooms_wall_is_th
     monkeypatch.setattr(claim_file, "joined", lambda hard, *_: hard)
     joint = Joint(kind, np.array([1.0, 0.0, 0.0]), np.zeros(3), 1.0)
     start = on_base([joint], (np.arange(COUNT) >= 33).astype(np.int64))
-    hard, _ = claim(study, None, start, STAYS)
+    hard = claim(study, None, start, STAYS)
     assert not hard[:10].any()
     assert hard[20:].all()
     assert hard[18] == (kind == "prismatic")
@@ -158,10 +158,8 @@ def test_a_hidden_side_goes_with_the_part_it_hangs_on(slid) -> None:
                             ways=ways_along(pair, graph), web=web_of(graph, unbound(graph)))
     joint = Joint("prismatic", slid.axis, np.array([0.2, 0.3, 0.4]), slid.value)
     start = on_base([joint], np.zeros(len(pair[0]) + len(pair[1]), np.int64))
-    hard, costs = claim(study, tuple(map(unclaimed, lands)), start)
+    hard = claim(study, tuple(map(unclaimed, lands)), start)
     own = np.concatenate([s.points[:, 2] > slid.block.lo[2] + 0.04 for s in pair])
     below = np.concatenate([s.points[:, 2] < slid.block.lo[2] - 0.04 for s in pair])
     assert hard[own].mean() > 0.99
     assert hard[below].mean() < 0.01
-    assert costs.shape == (len(hard), 2)
-    assert costs.max() < 1.0 + FOREIGN_COST + FAR_COST

@@ -60,7 +60,7 @@ def test_one_joint_is_aligned_and_its_labels_follow(judge, photos, true_joints, 
     true = on_base(true_joints[:1], labels_of(judge, true_joints[:1]))
     start = true.swapped(0, off(true_joints[0], degrees, share * judge.study.diag))
     found = settle(judge, start, photos, ArticulateConfig())
-    right, _ = claim(judge.study, judge.lands, true)
+    right = claim(judge.study, judge.lands, true)
     assert (found.labels == right).mean() > 0.98
     before = image_cost(judge, start, photos)  # walls and edges draw as well, a little
     after = image_cost(judge, replace(found, labels=true.labels), photos)
