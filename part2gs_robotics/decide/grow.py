@@ -10,7 +10,7 @@ from part2gs_robotics.decide.candidate import Candidate, on_base
 from part2gs_robotics.decide.judge import Judge
 from part2gs_robotics.decide.leave_out import thinned
 from part2gs_robotics.decide.screws import risen
-from part2gs_robotics.decide.split import halved
+from part2gs_robotics.decide.split import beside, halved
 from part2gs_robotics.decide.turn_alternatives import calmed
 from part2gs_robotics.evidence.surfaces import Evidence
 from part2gs_robotics.model.joint import Joint
@@ -97,7 +97,8 @@ def _cheaper(judge: Judge, best: Candidate, pool: Sequence[Joint]) -> tuple[str,
     ways: tuple[tuple[str, Callable[[], Candidate]], ...] = (
         ("one more", lambda: grown),
         ("another in the place of one", lambda: _swapped(judge, best, pool)),
-        ("two in the place of one", lambda: _split(judge, best, pool)),
+        ("two in the place of one", lambda: _best(judge, best, halved(judge, best, pool))),
+        ("one nearly as another", lambda: _best(judge, best, beside(judge, best))),
         # A plain door alone may show the photos worse what a drawer behind it makes up for.
         ("two more", lambda: _one_more(judge, grown, pool)),
     )
@@ -125,9 +126,8 @@ def _swapped(judge: Judge, best: Candidate, pool: Sequence[Joint]) -> Candidate:
     return judge.best_of(sets, FEW) if sets else best
 
 
-def _split(judge: Judge, best: Candidate, pool: Sequence[Joint]) -> Candidate:
-    """Return the best candidate with two motions in the place of one; itself where none is."""
-    sets = halved(judge, best, pool)
+def _best(judge: Judge, best: Candidate, sets: Sequence[Candidate]) -> Candidate:
+    """Return the best of some sets, polished; the candidate itself without any."""
     return judge.polished(judge.best_of(sets, FEW)) if sets else best
 
 

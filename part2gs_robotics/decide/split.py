@@ -42,6 +42,21 @@ def halved(judge: Judge, found: Candidate, pool: Sequence[Joint]) -> list[Candid
             for one, two in pairs if one.kind == h.kind and found.free(k)]
 
 
+def beside(judge: Judge, found: Candidate) -> list[Candidate]:
+    """Return sets with one slide more, a little longer or shorter than one of theirs, not judged yet.
+
+    Drawers opened nearly alike land nearly right by one slide, so that nothing that is left
+    proposes the other.
+
+    Args:
+        judge: of the study.
+        found: to improve.
+    """
+    return [found.plus(replace(h, value=h.value + step * judge.study.diag))
+            for h, parent in zip(found.motions, found.parents, strict=True)
+            if not h.turns and not parent for step in (-NEAR, NEAR)]
+
+
 def _parallel(pool: Sequence[Joint], turning: bool, far: float) -> list[tuple[Joint, Joint]]:
     """Return the pairs of turns, or slides that differ by `far`, along parallel axes."""
     kind = "revolute" if turning else "prismatic"

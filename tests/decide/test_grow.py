@@ -13,6 +13,7 @@ from part2gs_robotics.decide.candidate import PART, Scores, on_base
 from part2gs_robotics.decide.grow import _counted, decide, lowered
 from part2gs_robotics.decide.judge import Judge
 from part2gs_robotics.decide.labelling import energy_of
+from part2gs_robotics.decide.split import NEAR
 from part2gs_robotics.evidence.graph import build_graph, touching, ways_along, web_of
 from part2gs_robotics.evidence.guides import guides_of
 from part2gs_robotics.evidence.surfels import Surfels
@@ -188,6 +189,14 @@ def test_more_is_found_in_what_is_left(judge, look_alikes):
     assert find_more(judge.study, none, np.random.default_rng(0), SearchConfig()) == []
 
 
+class Tolerant(dict[frozenset[float], float]):
+    """What sets leave, whatever rounding did to values; any other set leaves what none does."""
+
+    def __missing__(self, asked):
+        return next((left for known, left in self.items() if len(known) == len(asked)
+                     and np.allclose(sorted(known), sorted(asked), atol=1e-9)), 1.0)
+
+
 class Priced:
     """A judge that knows what every set of motions leaves, by their values."""
 
@@ -195,7 +204,7 @@ class Priced:
     study = SimpleNamespace(diag=1.0, own=lambda *_: (Priced.nothing, Priced.nothing))
 
     def __init__(self, left):
-        self.left = left
+        self.left = Tolerant(left)
 
     def judge(self, found):
         left = self.left[frozenset(h.value for h in found.motions)]
@@ -233,6 +242,16 @@ def test_two_are_found_where_neither_pays_alone(both, count):
     judge = Priced({frozenset(): 1.0, frozenset({0.3}): 1.05, frozenset({0.2}): 1.1,
                     frozenset({0.3, 0.2}): both})
     found = lowered(judge, judge.judge(on_base([])), [one, two])
+    assert len(found) == count
+
+
+@pytest.mark.parametrize(("both", "count"), [(0.6 - 1.1 * PART, 2), (0.6 - 0.9 * PART, 1)])
+def test_a_slide_nearly_as_another_is_found_without_being_proposed(both, count):
+    """Two drawers opened nearly alike: one slide lands both, and nothing proposes a second."""
+    one, longer, shorter = 0.3, 0.3 + NEAR, 0.3 - NEAR
+    judge = Priced({frozenset(): 1.0, frozenset({one}): 0.6, frozenset({one, longer}): both,
+                    frozenset({one, shorter}): 0.6})
+    found = lowered(judge, judge.judge(on_base([])), [slide(X, one)])
     assert len(found) == count
 
 

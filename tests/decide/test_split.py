@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from part2gs_robotics.decide.candidate import on_base
-from part2gs_robotics.decide.split import _parallel, halved, tune
+from part2gs_robotics.decide.split import NEAR, _parallel, beside, halved, tune
 from part2gs_robotics.model.joint import Joint
 
 pytestmark = pytest.mark.usefixtures("one_numba_thread")
@@ -42,6 +42,17 @@ def test_what_carries_or_is_carried_is_not_split(judge, right, look_alikes):
 def test_numbers_of_parts_that_stay_are_kept(judge, right, look_alikes):
     sets = halved(judge, replace(right, known=(4, 7)), look_alikes.truth)
     assert {c.known for c in sets} == {(4, 7, 0)}
+
+
+def test_a_slide_has_a_little_longer_and_a_shorter_one_beside_it(judge, right, look_alikes):
+    sets, step = beside(judge, right), NEAR * judge.study.diag
+    assert all(c.motions[:2] == right.motions for c in sets)
+    assert [c.motions[2].value for c in sets] == pytest.approx(
+        [0.3 - step, 0.3 + step, 0.2 - step, 0.2 + step])
+    assert beside(judge, on_base([TURN])) == [], "what turns beside it has a line of its own"
+    carried = replace(right, parents=(0, 1))
+    assert len(beside(judge, carried)) == 2, "what another part carries is hung later"
+    assert min(judge.judge(c).cost for c in sets) > right.cost, "no third part is among them"
 
 
 def test_parallel_motions_are_paired_by_kind_whichever_way_their_axes_point():
