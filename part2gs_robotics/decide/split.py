@@ -43,7 +43,7 @@ def halved(judge: Judge, found: Candidate, pool: Sequence[Joint]) -> list[Candid
 
 
 def beside(judge: Judge, found: Candidate) -> list[Candidate]:
-    """Return sets with one slide more, a little longer or shorter than one of theirs, not judged yet.
+    """Return sets, not judged yet, with one slide more, a little longer or shorter than another.
 
     Drawers opened nearly alike land nearly right by one slide, so that nothing that is left
     proposes the other.
