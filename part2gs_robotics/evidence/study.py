@@ -54,25 +54,35 @@ class Around:
     Attributes:
         index: [N, VOICES] of surfels, the nearest first.
         weights: [N, VOICES] inverse squared distances, 1 together (Shepard, 1968).
+        sure: [N] 1 where the nearest is no farther than most surfels are from their nearest one,
+            beyond it the square of their ratio.
     """
 
     index: NDArray[np.int32]
     weights: F32
+    sure: F32
 
     def shares(self, hard: Labels, count: int) -> F32:
         """Return [N, count] the share of every label 0..count-1 of surfels around."""
         labels = hard[self.index]
         return np.stack([(self.weights * (labels == k)).sum(1) for k in range(count)], 1)
 
+    def against(self, hard: Labels, count: int) -> F32:
+        """Return [N, count] 0..1, how surely a Gaussian is not of a part: far from surfels, not."""
+        return np.asarray(self.sure[:, None] * (1.0 - self.shares(hard, count)), np.float32)
+
 
 def around(gaussians: Gaussians, surfels: Surfels) -> Around:
     """Return the surfels around every Gaussian of a state, all of them where there are fewer."""
     count = range(1, 1 + min(VOICES, len(surfels)))
-    gaps, index = cKDTree(surfels.points).query(gaussians.means, k=count)
+    tree = cKDTree(surfels.points)
+    size = np.median(tree.query(surfels.points, k=2)[0][:, 1])  # infinite for a single one
+    gaps, index = tree.query(gaussians.means, k=count)
     gaps = np.maximum(gaps, np.finfo(np.float32).tiny)  # one may lie in its surfel
     weights = np.square(gaps[:, :1] / gaps)
     return Around(index.astype(np.int32),
-                  (weights / weights.sum(1, keepdims=True)).astype(np.float32))
+                  (weights / weights.sum(1, keepdims=True)).astype(np.float32),
+                  np.square(np.minimum(1.0, size / gaps[:, 0])).astype(np.float32))
 
 
 @dataclass(frozen=True)
@@ -174,13 +184,15 @@ class Study:
         self, hard: NDArray[np.int64]
     ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         """Return per-state labels of the Gaussians from labels of all surfels."""
-        zero, one = self.gaussian_shares(hard, int(hard.max(initial=0)) + 1)
-        return zero.argmax(1), one.argmax(1)
+        count, states = int(hard.max(initial=0)) + 1, np.split(hard, [len(self.surfels[0])])
+        zero, one = (near.shares(own, count).argmax(1)
+                     for near, own in zip(self.around, states, strict=True))
+        return zero, one
 
-    def gaussian_shares(self, hard: Labels, count: int) -> tuple[F32, F32]:
-        """Return per state [N_s, count] what the surfels around every Gaussian say it is of."""
+    def against(self, hard: Labels, count: int) -> tuple[F32, F32]:
+        """Return per state [N_s, count] how surely a Gaussian is not of a part, 0..1."""
         zero, one = np.split(hard, [len(self.surfels[0])])
-        return self.around[0].shares(zero, count), self.around[1].shares(one, count)
+        return self.around[0].against(zero, count), self.around[1].against(one, count)
 
     def own(self, hard: NDArray[np.int64], part: int) -> tuple[Surfels, Surfels]:
         """Return the surfels of both states that have a label, from labels of all surfels."""

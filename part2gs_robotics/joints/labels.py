@@ -96,6 +96,7 @@ def part_probs(study: Study, found: Candidate, config: ArticulateConfig) -> tupl
 
     Evidence is the labels of the surfels around, of which bonds and reach have had their say. What
     surfels cost where they land (tried) undid that where flat faces slide or turn along themselves.
+    Where no surfel is near, neighbours decide.
 
     Args:
         study: both states.
@@ -107,7 +108,6 @@ def part_probs(study: Study, found: Candidate, config: ArticulateConfig) -> tupl
         labels = study.gaussian_labels(found.labels)
         return eye[labels[0]], eye[labels[1]]
     settings = PAPER if config.paper_mode else IdentityConfig()
-    unary = [settings.unary_cap * (1.0 - shares)
-             for shares in study.gaussian_shares(found.labels, len(found) + 1)]
-    return refine_identities(unary[0], unary[1], study.gaussians, found.motions, settings,
-                             found.parents)
+    zero, one = (settings.unary_cap * against
+                 for against in study.against(found.labels, len(found) + 1))
+    return refine_identities(zero, one, study.gaussians, found.motions, settings, found.parents)

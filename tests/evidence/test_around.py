@@ -22,8 +22,11 @@ class Points:
 
 
 def told(means, surfels, hard, count=2):
-    near = around(SimpleNamespace(means=np.asarray(means, np.float32)), Points(surfels))
-    return near.shares(np.asarray(hard), count)
+    return near(means, surfels).shares(np.asarray(hard), count)
+
+
+def near(means, surfels):
+    return around(SimpleNamespace(means=np.asarray(means, np.float32)), Points(surfels))
 
 
 @pytest.fixture
@@ -50,6 +53,15 @@ def test_a_gaussian_in_its_surfel_is_of_that_surfels_part_whatever_is_around(rim
     shares = told(rim + 1e-4, rim, hard, 3)
     assert_array_equal(shares.argmax(1), hard)
     assert shares[np.arange(len(rim)), hard].min() > 0.99
+
+
+def test_what_far_surfels_say_counts_less_by_the_square_of_their_distance(rim):
+    hard = np.ones(len(rim), np.int64)
+    above = np.array([[5.0, 5.0, height] for height in (0.0, 0.5, 1.0, 2.0, 4.0)])
+    sure = near(above, rim).against(hard, 2)
+    assert_allclose(sure[:, 0], [1.0, 1.0, 1.0, 1 / 4, 1 / 16], rtol=1e-5)
+    assert_allclose(sure[:, 1], 0.0, atol=1e-6)
+    assert_allclose(near(1e3 * above, 1e3 * rim).against(hard, 2), sure, atol=1e-5)
 
 
 def test_shares_are_of_one_whole_and_know_no_unit(rim):
