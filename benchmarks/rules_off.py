@@ -110,6 +110,7 @@ DECIDED = (
     Rule("swapped", "another in the place of one",
          ((grow, "_swapped", lambda judge, best, pool: best),)),
     Rule("halved", "two parallel ones in the place of one", ((grow, "halved", none),)),
+    Rule("beside", "a slide nearly as another", ((grow, "beside", none),)),
     Rule("calmed", "less of what looks alike after half a turn", ((grow, "calmed", same),)),
     Rule("risen", "screws", ((grow, "risen", same),)),
     Rule("more", "a second search in what is left", ((pool, "find_more", none),)),
