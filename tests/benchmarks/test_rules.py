@@ -68,7 +68,8 @@ def test_a_limit_that_is_off_limits_nothing(off):
         assert loose.vanished(unary, hard)[0] == 0.0
 
 
-def test_the_search_without_moves_that_split_proposes_none(off, monkeypatch):
+@pytest.mark.parametrize("name", ["halved", "beside"])
+def test_the_search_without_moves_that_split_proposes_none(off, monkeypatch, name):
     """The names that `grow` calls its steps by are those that are switched off."""
     asked = []
     monkeypatch.setattr(grow, "_one_more", lambda judge, best, pool: best)
@@ -79,9 +80,10 @@ def test_the_search_without_moves_that_split_proposes_none(off, monkeypatch):
     cheaper = SimpleNamespace(cost=0.5)
     judge = SimpleNamespace(polished=lambda c: c, best_of=lambda sets, few: asked.append(sets)
                             or cheaper)
-    monkeypatch.setattr(grow, "halved", lambda judge, best, pool: [best])
+    for way in ("halved", "beside"):
+        monkeypatch.setattr(grow, way, lambda *_, own=way == name: [best] if own else [])
     assert grow._cheaper(judge, best, [])[1] is cheaper
-    with off.off(next(r for r in off.DECIDED if r.name == "halved")):
+    with off.off(next(r for r in off.DECIDED if r.name == name)):
         assert grow._cheaper(judge, best, [])[1] is best
     assert len(asked) == 1
 
