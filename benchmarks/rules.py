@@ -33,6 +33,7 @@ from rules_off import DECIDED, SETTLED, Rule, off
 
 from part2gs_robotics.articulate import Clock, Found, settled_motion
 from part2gs_robotics.config import ArticulateConfig, SearchConfig
+from part2gs_robotics.decide import grow
 from part2gs_robotics.decide.candidate import PART, Candidate, on_base
 from part2gs_robotics.decide.grow import decide
 from part2gs_robotics.decide.judge import Judge
@@ -121,7 +122,8 @@ def searched(study: Study) -> Start:
     seed, moved = ArticulateConfig().seed, sum(map(len, study.evidence.sets))
     study = searching.in_its_light(study, np.random.default_rng(seed), moved, SearchConfig())
     rng = np.random.default_rng(seed)
-    return Start(study, searching.find_pool(study, rng, moved, SearchConfig()), rng)
+    pool = searching.find_pool(study, rng, moved, SearchConfig())
+    return Start(study, grow.neared(Judge(study), on_base([]), pool), rng)
 
 
 def found_of(judge: Judge, start: Start) -> Found:

@@ -118,6 +118,8 @@ DECIDED = (
     Rule("snapped", "motions turned to faces and edges", ((pool, "snapped", none),), searches=True),
     Rule("families", "slides of all lengths along one direction",
          ((pool, "slide_families", none),), searches=True),
+    Rule("neared", "motions refined from afar",
+         ((grow, "neared", lambda judge, best, pool: list(pool)),), searches=True),
     Rule("coarse", "refinement from coarse to fine",
          ((studies, "COARSE_TO_FINE", (1.0, 1.0, 1.0)),), searches=True),
 )  # fmt: skip
