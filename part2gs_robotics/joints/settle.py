@@ -68,8 +68,11 @@ def _kept(judge: Judge, before: Candidate, after: Candidate, sharp: Views) -> Ca
 
     Photos lead a joint astray where look-alike neighbours hold each other's surfels, and then the
     next one. The cost that decided about the parts sees that; smaller differences are below what
-    surfels can tell.
+    surfels can tell. One part alone has no such neighbours: where its photos and bent depths speak
+    against each other, photos are right.
     """
+    if len(after) == 1:
+        return after
     was = judge.judge(before)
     best = end = moved(judge, was, after)
     if end.cost < was.cost + PART:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from part2gs_robotics.config import ArticulateConfig
-from part2gs_robotics.decide.candidate import on_base
+from part2gs_robotics.decide.candidate import PART, on_base
 from part2gs_robotics.decide.claim import claim
 from part2gs_robotics.evidence.cross_render import both_cost
 from part2gs_robotics.joints import settle as settle_file
@@ -153,6 +153,16 @@ def test_a_joint_taken_back_stays_as_it_was_where_photos_would_lead_it_astray_ag
     found = settle(judge, before, photos, ArticulateConfig())
     np.testing.assert_array_equal(found.motions[1].move, true_joints[1].move)
     assert all(np.isfinite(j.sigma_value) for j in found.motions), "with deviations all the same"
+
+
+def test_one_part_alone_stays_where_photos_lead_it(judge, photos, true_joints, monkeypatch) -> None:
+    """No neighbour holds its surfels: where bent depths speak against photos, these are right."""
+    labels = np.where(labels_of(judge, true_joints) == 1, 1, 0)
+    before = on_base(true_joints[:1], labels)
+    moved_on = before.swapped(0, off(true_joints[0], 0.0, 0.02 * judge.study.diag))
+    assert judge.judge(moved_on).cost > judge.judge(before).cost + PART, "surfels speak against it"
+    monkeypatch.setattr(settle_file, "_settled", lambda *_: moved_on)
+    assert settle(judge, before, photos, ArticulateConfig()) is moved_on
 
 
 def test_joints_that_were_led_astray_together_are_taken_back_together(
