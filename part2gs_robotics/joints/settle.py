@@ -68,14 +68,13 @@ def _kept(judge: Judge, before: Candidate, after: Candidate, sharp: Views) -> Ca
 
     Photos lead a joint astray where look-alike neighbours hold each other's surfels, and then the
     next one. The cost that decided about the parts sees that; smaller differences are below what
-    surfels can tell. One part alone has no such neighbours: where its photos and bent depths speak
-    against each other, photos are right.
+    surfels can tell. One part alone may be a little dearer by bent depths and right, if photos of
+    all of it say so.
     """
-    if len(after) == 1:
-        return after
     was = judge.judge(before)
     best = end = moved(judge, was, after)
-    if end.cost < was.cost + PART:
+    shown = len(after) == 1 and end.scores.images < was.scores.images
+    if shown or end.cost < was.cost + PART:
         return after
     for k in range(len(after)):
         trial = judge.judge(best.swapped(k, before.motions[k]))

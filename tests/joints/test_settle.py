@@ -155,14 +155,19 @@ def test_a_joint_taken_back_stays_as_it_was_where_photos_would_lead_it_astray_ag
     assert all(np.isfinite(j.sigma_value) for j in found.motions), "with deviations all the same"
 
 
-def test_one_part_alone_stays_where_photos_lead_it(judge, photos, true_joints, monkeypatch) -> None:
-    """No neighbour holds its surfels: where bent depths speak against photos, these are right."""
-    labels = np.where(labels_of(judge, true_joints) == 1, 1, 0)
-    before = on_base(true_joints[:1], labels)
-    moved_on = before.swapped(0, off(true_joints[0], 0.0, 0.02 * judge.study.diag))
-    assert judge.judge(moved_on).cost > judge.judge(before).cost + PART, "surfels speak against it"
-    monkeypatch.setattr(settle_file, "_settled", lambda *_: moved_on)
-    assert settle(judge, before, photos, ArticulateConfig()) is moved_on
+@pytest.mark.parametrize(("images", "stays"), [(-0.001, True), (0.001, False)])
+def test_one_part_alone_stays_where_photos_of_all_of_it_lead_it(
+    judge, photos, true_joints, monkeypatch, images, stays
+) -> None:
+    """Bent depths speak against it; photos decide, also of another part's surfels beside it."""
+    before = on_base(true_joints[:1], np.where(labels_of(judge, true_joints) == 1, 1, 0))
+    on = before.swapped(0, off(true_joints[0], 0.0, 0.02 * judge.study.diag))
+    was = judge.judge(before).scores
+    dearer = replace(was, surfels=was.surfels + 3 * PART, images=was.images + images)
+    monkeypatch.setattr(settle_file, "_settled", lambda *_: on)
+    monkeypatch.setattr(settle_file, "moved", lambda *_: replace(on, judged=dearer))
+    found = settle(judge, before, photos, ArticulateConfig())
+    assert (found is on) == stays
 
 
 def test_joints_that_were_led_astray_together_are_taken_back_together(
