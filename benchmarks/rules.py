@@ -35,7 +35,6 @@ from part2gs_robotics.articulate import Clock, Found, settled_motion
 from part2gs_robotics.config import ArticulateConfig, SearchConfig
 from part2gs_robotics.decide import grow
 from part2gs_robotics.decide.candidate import PART, Candidate, on_base
-from part2gs_robotics.decide.grow import decide
 from part2gs_robotics.decide.judge import Judge
 from part2gs_robotics.evidence.study import Study, gather
 from part2gs_robotics.model.joint import Joint
@@ -129,8 +128,8 @@ def searched(study: Study) -> Start:
 def found_of(judge: Judge, start: Start) -> Found:
     """Return what is decided on, as the product decides; dice are thrown alike every time."""
     rng, search = deepcopy(start.rng), SearchConfig()
-    candidate, short = decide(judge, start.pool, None,
-                              lambda left: searching.find_more(judge.study, left, rng, search))
+    candidate, short = grow.decide(judge, start.pool, None, lambda left: searching.find_more(
+        judge.study, left, rng, search))
     return Found(judge, candidate, start.pool, short, Clock(None))
 
 

@@ -94,9 +94,8 @@ def _landing(judge: Judge, moves: list[F64]) -> Unary:
 def part_probs(study: Study, found: Candidate, config: ArticulateConfig) -> tuple[F32, F32]:
     """Return [N_s, K+1] part identities of the Gaussians of both states.
 
-    Evidence is the labels of the surfels around, of which bonds and reach have had their say. What
-    surfels cost where they land (tried) undid that where flat faces slide or turn along themselves.
-    Where no surfel is near, neighbours decide.
+    Evidence is the labels of the surfels around, of which bonds and reach have had their say: what
+    surfels cost where they land (tried) undid that. Where no surfel is near, neighbours decide.
 
     Args:
         study: both states.

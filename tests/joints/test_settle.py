@@ -159,7 +159,7 @@ def test_a_joint_taken_back_stays_as_it_was_where_photos_would_lead_it_astray_ag
 def test_one_part_alone_stays_where_photos_of_all_of_it_lead_it(
     judge, photos, true_joints, monkeypatch, images, stays
 ) -> None:
-    """Bent depths speak against it; photos decide, also of another part's surfels beside it."""
+    """Bent depths speak against it: photos of both states decide."""
     before = on_base(true_joints[:1], np.where(labels_of(judge, true_joints) == 1, 1, 0))
     on = before.swapped(0, off(true_joints[0], 0.0, 0.02 * judge.study.diag))
     was = judge.judge(before).scores
